@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/build_info.h"
+
+namespace probelab {
+
+BuildInfo buildInfo() {
+  return {PROBELAB_VERSION, PROBELAB_COMPILER, PROBELAB_BUILD_TYPE};
+}
+
+}  // namespace probelab

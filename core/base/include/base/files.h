@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole files in and out. Writing goes to a temporary file beside the target and is renamed, so a
+// reader never sees half a file and a failed run leaves nothing behind.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace probelab {
+
+// Throw InputError naming the path when it is missing, a folder, or unreadable.
+std::vector<std::byte> readFile(const std::filesystem::path& path);
+std::string readTextFile(const std::filesystem::path& path);
+
+// Writes through `write(temporary path)` and renames. The folder must exist (checkWritable).
+void writeFileAtomically(const std::filesystem::path& path,
+                         const std::function<void(const std::filesystem::path&)>& write);
+void writeTextFile(const std::filesystem::path& path, std::string_view text);
+
+// Throws InputError unless a file can be created at `path`: call it before hours of work.
+void checkWritable(const std::filesystem::path& path);
+
+}  // namespace probelab

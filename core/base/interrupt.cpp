@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/interrupt.h"
+
+#include <atomic>
+#include <csignal>
+
+#include "base/error.h"
+
+namespace probelab {
+namespace {
+std::atomic<bool> interrupt_requested{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void onSignal(int signal) {
+  interrupt_requested = true;
+  std::signal(signal, SIG_DFL);  // a second one ends the program at once
+}
+}  // namespace
+
+void installInterruptHandler() {
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+}
+
+bool interruptRequested() { return interrupt_requested; }
+
+void throwIfInterrupted() {
+  if (interrupt_requested) throw Interrupted();
+}
+
+}  // namespace probelab

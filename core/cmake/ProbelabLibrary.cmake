@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+# One static library a folder. A library exports only its own include folder and links only what
+# is named here, so an include against the dependency direction (ARCHITECTURE.md) does not compile.
+# Every public header is also compiled alone.
+#
+#   probelab_library(scene SOURCES a.cpp b.cpp LINKS base PRIVATE_LINKS tinygltf)
+function(probelab_library name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS;PRIVATE_LINKS" ${ARGN})
+  set(target probelab_${name})
+  add_library(${target} STATIC ${ARG_SOURCES})
+  target_include_directories(${target} PUBLIC ${CMAKE_CURRENT_SOURCE_DIR}/include)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wconversion
+                                           -Wno-sign-conversion -Werror=return-type)
+  foreach(link IN LISTS ARG_LINKS)
+    target_link_libraries(${target} PUBLIC probelab_${link})
+  endforeach()
+  target_link_libraries(${target} PRIVATE ${ARG_PRIVATE_LINKS})
+  probelab_check_headers(${target} ${CMAKE_CURRENT_SOURCE_DIR}/include)
+endfunction()
+
+# Compiles each header under `root` in a translation unit of its own, as part of the tests' build.
+function(probelab_check_headers target root)
+  if(NOT PROBELAB_BUILD_TESTS)
+    return()
+  endif()
+  file(GLOB_RECURSE headers CONFIGURE_DEPENDS RELATIVE ${root} ${root}/*.h)
+  set(units)
+  foreach(header IN LISTS headers)
+    string(MAKE_C_IDENTIFIER ${header} id)
+    set(unit ${CMAKE_CURRENT_BINARY_DIR}/alone_${id}.cpp)
+    file(CONFIGURE OUTPUT ${unit} CONTENT "#include \"${header}\"\n#include \"${header}\"\n")
+    list(APPEND units ${unit})
+  endforeach()
+  if(units)
+    add_library(${target}_headers OBJECT ${units})
+    target_link_libraries(${target}_headers PRIVATE ${target})
+  endif()
+endfunction()

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// What lets one header compile as C++ and as GLSL. In C++ every shared function is a template on the
+// scalar T (float, double or an automatic-differentiation type); in GLSL the scalar is float.
+//
+// Rules for shared headers: GLSL spelling, no swizzles, constructors spelt REAL/VEC2/VEC3/VEC4,
+// literals as REAL(0.5), indices taken from the value part with floorToInt.
+#ifndef PROBELAB_SHARED_LANGUAGE_H
+#define PROBELAB_SHARED_LANGUAGE_H
+
+#ifdef __cplusplus
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "base/vec.h"
+
+#define PL_FUNCTION template <class T> inline
+#define PL_STRUCT template <class T> struct
+#define PL_OF_T <T>      // names an instance of a shared struct: QueryParams PL_OF_T params
+#define PL_OUT(type) type&
+#define PL_INOUT(type) type&
+#define PL_CONST_IN(type) const type&
+#define REAL T
+#define VEC2 Vec2<T>
+#define VEC3 Vec3<T>
+#define VEC4 Vec4<T>
+
+namespace probelab {
+
+using std::abs;
+using std::floor;
+using std::pow;
+using std::sqrt;
+using uint = std::uint32_t;
+
+template <class T>
+constexpr T max(const T& a, const T& b) { return a < b ? b : a; }
+template <class T>
+constexpr T min(const T& a, const T& b) { return b < a ? b : a; }
+template <class T>
+constexpr T clamp(const T& x, const T& low, const T& high) { return min(max(x, low), high); }
+template <class T>
+Vec3<T> pow(const Vec3<T>& v, const T& e) { return {pow(v.x, e), pow(v.y, e), pow(v.z, e)}; }
+template <class T>
+Vec3<T> sqrt(const Vec3<T>& v) { return {sqrt(v.x), sqrt(v.y), sqrt(v.z)}; }
+
+inline int floorToInt(float x) { return static_cast<int>(std::floor(x)); }
+inline int floorToInt(double x) { return static_cast<int>(std::floor(x)); }
+template <class Jet>
+auto floorToInt(const Jet& x) -> decltype(x.a, 0) { return floorToInt(x.a); }
+
+inline uint floatBitsToUint(float x) { return std::bit_cast<uint>(x); }
+inline float uintBitsToFloat(uint x) { return std::bit_cast<float>(x); }
+
+}  // namespace probelab
+
+#define PL_NAMESPACE_BEGIN namespace probelab {
+#define PL_NAMESPACE_END }
+
+#else
+
+#define PL_FUNCTION
+#define PL_STRUCT struct
+#define PL_OF_T
+#define PL_OUT(type) out type
+#define PL_INOUT(type) inout type
+#define PL_CONST_IN(type) const type
+#define REAL float
+#define VEC2 vec2
+#define VEC3 vec3
+#define VEC4 vec4
+#define PL_NAMESPACE_BEGIN
+#define PL_NAMESPACE_END
+
+int floorToInt(float x) { return int(floor(x)); }
+
+#endif
+
+#endif
