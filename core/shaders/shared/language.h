@@ -16,6 +16,7 @@
 #include "base/vec.h"
 
 #define PL_FUNCTION template <class T> inline
+#define PL_INLINE inline  // a function on plain float
 #define PL_STRUCT template <class T> struct
 #define PL_OF_T <T>      // names an instance of a shared struct: QueryParams PL_OF_T params
 #define PL_OUT(type) type&
@@ -61,6 +62,7 @@ inline float uintBitsToFloat(uint x) { return std::bit_cast<float>(x); }
 #else
 
 #define PL_FUNCTION
+#define PL_INLINE
 #define PL_STRUCT struct
 #define PL_OF_T
 #define PL_OUT(type) out type

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// Texture lookups as both renderers do them: base level, wrap, nearest or bilinear, sRGB decoded
+// before filtering. Plain float; included by core/trace and by the shade stage.
+//
+// The includer supplies the texels: in GLSL `uint fetchTexel(uint index)`, declared before the
+// include; in C++ any callable, passed first. A texel holds 8-bit r, g, b, a from the lowest byte.
+#ifndef PROBELAB_SHARED_TEXTURE_H
+#define PROBELAB_SHARED_TEXTURE_H
+
+#include "shared/ray.h"
+
+#ifdef __cplusplus
+#define PL_FLOAT2 Vec2f
+#define PL_FLOAT4 Vec4f
+#define PL_TEXEL_FUNCTION     \
+  template <class FetchTexel> \
+  inline
+#define PL_TEXEL_SOURCE const FetchTexel &fetchTexel,
+#define PL_TEXEL_PASS fetchTexel,
+#else
+#define PL_FLOAT2 vec2
+#define PL_FLOAT4 vec4
+#define PL_TEXEL_FUNCTION
+#define PL_TEXEL_SOURCE
+#define PL_TEXEL_PASS
+#endif
+
+PL_NAMESPACE_BEGIN
+
+// The values of scene's TextureWrap.
+const PL_UINT kWrapRepeat = 0u;
+const PL_UINT kWrapClamp = 1u;
+const PL_UINT kWrapMirror = 2u;
+
+// A texture as one material uses it; scalar layout. width = 0: none. The rest of `flags` is 0.
+struct TextureUseData {
+  PL_UINT first_texel;  // texels of all textures lie in one array, row 0 first
+  PL_UINT width;
+  PL_UINT height;
+  PL_UINT flags;        // textureFlags()
+  float m00, m01, m02;  // uv' = m (u, v, 1)
+  float m10, m11, m12;
+};
+
+PL_INLINE PL_UINT textureFlags(PL_UINT wrap_u, PL_UINT wrap_v, PL_UINT nearest, PL_UINT uv_set) {
+  return wrap_u | (wrap_v << 2u) | (nearest << 4u) | (uv_set << 5u);
+}
+PL_INLINE PL_UINT textureUvSet(PL_UINT flags) { return (flags >> 5u) & 1u; }
+
+// IEC 61966-2-1. c^2.4 = c^2 c^0.4 with the fifth root of c^2 by Newton's method: products and
+// quotients only, so that both languages agree to a few units in the last place (Vulkan's pow does
+// not). The start is within 2 % on [0.09, 1], which three steps turn into rounding error.
+#ifdef __cplusplus
+constexpr
+#endif
+    float
+    srgbToLinear(float s) {
+  if (s <= 0.04045f) return s * (1.0f / 12.92f);
+  const float c = (s + 0.055f) * (1.0f / 1.055f);
+  const float square = c * c;
+  float root = 0.2923f + c * (1.1105f - 0.4084f * c);
+  for (int i = 0; i < 3; ++i) {
+    const float r2 = root * root;
+    root = 0.2f * (4.0f * root + square / (r2 * r2));
+  }
+  return square * root;
+}
+
+#ifdef __cplusplus
+struct SrgbTable {
+  float linear[256] = {};
+  constexpr SrgbTable() {
+    for (int i = 0; i < 256; ++i) linear[i] = srgbToLinear(static_cast<float>(i) * (1.0f / 255.0f));
+  }
+};
+inline constexpr SrgbTable kSrgbTable;
+inline float srgbByte(PL_UINT byte_value) { return kSrgbTable.linear[byte_value]; }
+#else
+float srgbByte(uint byte_value) { return srgbToLinear(float(byte_value) * (1.0f / 255.0f)); }
+#endif
+
+// Colour decoded if `srgb`, alpha always linear.
+PL_INLINE PL_FLOAT4 decodeTexel(PL_UINT texel, bool srgb) {
+  const PL_UINT r = texel & 255u;
+  const PL_UINT g = (texel >> 8u) & 255u;
+  const PL_UINT b = (texel >> 16u) & 255u;
+  const float a = float(texel >> 24u) * (1.0f / 255.0f);
+  if (srgb) return PL_FLOAT4(srgbByte(r), srgbByte(g), srgbByte(b), a);
+  const float scale = 1.0f / 255.0f;
+  return PL_FLOAT4(float(r) * scale, float(g) * scale, float(b) * scale, a);
+}
+
+// Into [0, 1]; the fold of kWrapMirror included.
+PL_INLINE float wrapCoordinate(float x, PL_UINT mode) {
+  if (mode == kWrapClamp) return clamp(x, 0.0f, 1.0f);
+  if (mode == kWrapMirror) return 1.0f - abs(x - 2.0f * floor(0.5f * x) - 1.0f);
+  return x - floor(x);
+}
+
+// Texel index of i in [-1, size]: a folded or clamped neighbour is the edge texel itself.
+PL_INLINE int wrapTexel(int i, int size, PL_UINT mode) {
+  if (mode == kWrapRepeat) return i < 0 ? i + size : (i >= size ? i - size : i);
+  return i < 0 ? 0 : (i >= size ? size - 1 : i);
+}
+
+PL_TEXEL_FUNCTION PL_FLOAT4 texelAt(PL_TEXEL_SOURCE PL_CONST_IN(TextureUseData) use, int x, int y,
+                                    bool srgb) {
+  const int w = int(use.width);
+  const int ix = wrapTexel(x, w, use.flags & 3u);
+  const int iy = wrapTexel(y, int(use.height), (use.flags >> 2u) & 3u);
+  return decodeTexel(fetchTexel(use.first_texel + PL_UINT(iy * w + ix)), srgb);
+}
+
+// The texture at uv (before its transform). use.width must not be 0.
+PL_TEXEL_FUNCTION PL_FLOAT4 sampleTexture(PL_TEXEL_SOURCE PL_CONST_IN(TextureUseData) use,
+                                          PL_FLOAT2 uv, bool srgb) {
+  const float u = use.m00 * uv.x + use.m01 * uv.y + use.m02;
+  const float v = use.m10 * uv.x + use.m11 * uv.y + use.m12;
+  const float x = wrapCoordinate(u, use.flags & 3u) * float(use.width);
+  const float y = wrapCoordinate(v, (use.flags >> 2u) & 3u) * float(use.height);
+  if (((use.flags >> 4u) & 1u) != 0u) {
+    const int nx = min(floorToInt(x), int(use.width) - 1);
+    const int ny = min(floorToInt(y), int(use.height) - 1);
+    return texelAt(PL_TEXEL_PASS use, nx, ny, srgb);
+  }
+  const int x0 = floorToInt(x - 0.5f);
+  const int y0 = floorToInt(y - 0.5f);
+  const float fx = (x - 0.5f) - float(x0);
+  const float fy = (y - 0.5f) - float(y0);
+  const PL_FLOAT4 t00 = texelAt(PL_TEXEL_PASS use, x0, y0, srgb);
+  const PL_FLOAT4 t10 = texelAt(PL_TEXEL_PASS use, x0 + 1, y0, srgb);
+  const PL_FLOAT4 t01 = texelAt(PL_TEXEL_PASS use, x0, y0 + 1, srgb);
+  const PL_FLOAT4 t11 = texelAt(PL_TEXEL_PASS use, x0 + 1, y0 + 1, srgb);
+  return (t00 * (1.0f - fx) + t10 * fx) * (1.0f - fy) + (t01 * (1.0f - fx) + t11 * fx) * fy;
+}
+
+#ifdef __cplusplus
+static_assert(sizeof(TextureUseData) == 40);
+#endif
+
+PL_NAMESPACE_END
+
+#endif
