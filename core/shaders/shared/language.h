@@ -42,7 +42,9 @@ constexpr T min(const T& a, const T& b) { return b < a ? b : a; }
 template <class T>
 constexpr T clamp(const T& x, const T& low, const T& high) { return min(max(x, low), high); }
 template <class T>
-Vec3<T> pow(const Vec3<T>& v, const T& e) { return {pow(v.x, e), pow(v.y, e), pow(v.z, e)}; }
+Vec3<T> pow(const Vec3<T>& v, const Vec3<T>& e) {
+  return {pow(v.x, e.x), pow(v.y, e.y), pow(v.z, e.z)};
+}
 template <class T>
 Vec3<T> sqrt(const Vec3<T>& v) { return {sqrt(v.x), sqrt(v.y), sqrt(v.z)}; }
 

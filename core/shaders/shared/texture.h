@@ -7,7 +7,7 @@
 #ifndef PROBELAB_SHARED_TEXTURE_H
 #define PROBELAB_SHARED_TEXTURE_H
 
-#include "shared/ray.h"
+#include "shared/texture_use.h"
 
 #ifdef __cplusplus
 #define PL_FLOAT2 Vec2f
@@ -26,26 +26,6 @@
 #endif
 
 PL_NAMESPACE_BEGIN
-
-// The values of scene's TextureWrap.
-const PL_UINT kWrapRepeat = 0u;
-const PL_UINT kWrapClamp = 1u;
-const PL_UINT kWrapMirror = 2u;
-
-// A texture as one material uses it; scalar layout. width = 0: none. The rest of `flags` is 0.
-struct TextureUseData {
-  PL_UINT first_texel;  // texels of all textures lie in one array, row 0 first
-  PL_UINT width;
-  PL_UINT height;
-  PL_UINT flags;        // textureFlags()
-  float m00, m01, m02;  // uv' = m (u, v, 1)
-  float m10, m11, m12;
-};
-
-PL_INLINE PL_UINT textureFlags(PL_UINT wrap_u, PL_UINT wrap_v, PL_UINT nearest, PL_UINT uv_set) {
-  return wrap_u | (wrap_v << 2u) | (nearest << 4u) | (uv_set << 5u);
-}
-PL_INLINE PL_UINT textureUvSet(PL_UINT flags) { return (flags >> 5u) & 1u; }
 
 // IEC 61966-2-1. c^2.4 = c^2 c^0.4 with the fifth root of c^2 by Newton's method: products and
 // quotients only, so that both languages agree to a few units in the last place (Vulkan's pow does
@@ -133,10 +113,6 @@ PL_TEXEL_FUNCTION PL_FLOAT4 sampleTexture(PL_TEXEL_SOURCE PL_CONST_IN(TextureUse
   const PL_FLOAT4 t11 = texelAt(PL_TEXEL_PASS use, x0 + 1, y0 + 1, srgb);
   return (t00 * (1.0f - fx) + t10 * fx) * (1.0f - fy) + (t01 * (1.0f - fx) + t11 * fx) * fy;
 }
-
-#ifdef __cplusplus
-static_assert(sizeof(TextureUseData) == 40);
-#endif
 
 PL_NAMESPACE_END
 

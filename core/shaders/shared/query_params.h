@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a query of the field depends on besides the atlases. The continuous parameters are on the
+// shared scalar, so that they can be tuned; the modes are integers, compile-time constants in GLSL.
+#ifndef PROBELAB_SHARED_QUERY_PARAMS_H
+#define PROBELAB_SHARED_QUERY_PARAMS_H
+
+#include "shared/ray.h"
+
+PL_NAMESPACE_BEGIN
+
+// Meaning, units and ranges: core/ddgi/params.cpp, which is also where the presets are read.
+PL_STRUCT QueryParams {
+  REAL normal_bias;        // x s_i
+  REAL view_bias;          // x s_i
+  REAL facing_offset;
+  REAL trilinear_floor;
+  REAL chebyshev_power;
+  REAL visibility_floor;
+  REAL variance_bias;      // x r_i^2, added to the variance
+  REAL variance_floor;     // x mean^2, from the moments' format
+  REAL crush_threshold;
+  REAL decode_exponent;    // stored value -> averaged value
+};
+
+#define PL_FACING_NONE 0
+#define PL_FACING_WRAP 1         // ((d.n + 1) / 2)^2 + facing_offset, seen from the query point
+#define PL_FACING_WRAP_BIASED 2  // the same, seen from the biased point [GDC19]
+
+#define PL_TRILINEAR_PLAIN 0
+#define PL_TRILINEAR_PRODUCT_PLUS 1  // product + trilinear_floor [GDC19]
+#define PL_TRILINEAR_AXIS_MAX 2      // product of max(trilinear_floor, .) [RTXGI]
+
+#define PL_CRUSH_NONE 0
+#define PL_CRUSH_AFTER_TRILINEAR 1   // [GDC19]
+#define PL_CRUSH_BEFORE_TRILINEAR 2  // [M21], [RTXGI]
+
+#define PL_AVERAGE_LINEAR 0
+#define PL_AVERAGE_SQRT 1              // (sum w sqrt(E) / sum w)^2 [RTXGI]
+#define PL_AVERAGE_SQRT_OF_WEIGHTED 2  // (sum sqrt(w E) / sum sqrt(w))^2 [GDC19]
+
+#define PL_FALLBACK_NONE 0
+#define PL_FALLBACK_LERP_UNOCCLUDED 1  // towards the result without visibility [GDC19]
+
+struct QueryModes {
+  int facing;
+  int trilinear;
+  int visibility;  // 0: off
+  int crush;
+  int average;
+  int fallback;
+};
+
+// The lattice and the atlases' sizes. Positions in metres relative to Scene::origin.
+struct LatticeShape {
+  PL_FLOAT3 first;  // position of probe (0, 0, 0)
+  float bias_length;  // s_i in metres
+  PL_FLOAT3 spacing;
+  float support_radius;  // r_i in metres
+  PL_FLOAT3 bounds_min;
+  int count_x;
+  PL_FLOAT3 bounds_max;
+  int count_y;
+  int count_z;
+  int irradiance_texels;  // interior texels a side
+  int moment_texels;
+};
+
+PL_STRUCT QueryResult {
+  VEC3 irradiance;
+  REAL weight_sum;
+  int fallback;  // 1: no probe answered (the irradiance is 0)
+};
+
+PL_NAMESPACE_END
+
+#endif
