@@ -4,7 +4,6 @@
 #include "base/error.h"
 
 namespace probelab {
-namespace {
 
 void requireFinite(std::span<const Vec3f> values, const char* name) {
   for (std::size_t i = 0; i < values.size(); ++i)
@@ -12,8 +11,6 @@ void requireFinite(std::span<const Vec3f> values, const char* name) {
       throw NumericalError(fmt::format("metrics: {}[{}] is not finite: {}, {}, {}", name, i,
                                        values[i].x, values[i].y, values[i].z));
 }
-
-}  // namespace
 
 void validateSamples(const ReceiverSamples& s) {
   const std::size_t n = s.estimate.size();

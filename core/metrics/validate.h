@@ -9,4 +9,7 @@ namespace probelab {
 // Aborts where the arrays' sizes differ; otherwise throws as computeErrors documents.
 void validateSamples(const ReceiverSamples& samples);
 
+// Throws NumericalError naming array and index.
+void requireFinite(std::span<const Vec3f> values, const char* name);
+
 }  // namespace probelab
