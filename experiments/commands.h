@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The subcommands, a file each (cmd_<name>.cpp). Called by main.cpp.
+#pragma once
+
+namespace probelab {
+
+class Program;
+
+void addInfoCommand(Program& program);
+void addCheckCommand(Program& program);
+void addReferenceCommand(Program& program);
+void addReceiversCommand(Program& program);
+void addCompareCommand(Program& program);
+
+}  // namespace probelab

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The options of the commands that run a probe field (render, evaluate): which layout, which
+// parameters, how it is run and traced.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace CLI {
+class App;
+}
+
+namespace probelab {
+
+struct FieldOptions {
+  std::string layout;  // a layout JSON; empty: made by `strategy`
+  std::string strategy = "grid";
+  int probes = 512;                // at most that many own texels
+  std::string lattice = "free";    // free: the box of the reachable free space | bounds
+  std::string params = "rtxgi";    // a preset's name or a TOML file
+  std::vector<std::string> set;    // key=value, over `params`
+  std::optional<int> rays;         // a probe and update; empty: as `params` says
+  std::string mode = "converged";  // converged | temporal
+  std::optional<int> updates;      // temporal: how many; converged: how many are averaged
+  std::string tracer = "auto";     // auto | rayquery | embree
+};
+
+void addFieldOptions(CLI::App& app, FieldOptions& options);
+
+// "key=value" -> {key, value}, both non-empty. Throws InputError.
+std::pair<std::string, std::string> splitSetting(const std::string& text);
+
+}  // namespace probelab

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The `probelab` program: one subcommand a file, see commands.h.
+#include "commands.h"
+#include "program.h"
+
+int main(int argc, char** argv) {
+  probelab::Program program;
+  probelab::addInfoCommand(program);
+  probelab::addCheckCommand(program);
+  probelab::addReferenceCommand(program);
+  probelab::addReceiversCommand(program);
+  probelab::addCompareCommand(program);
+  return program.run(argc, argv);
+}

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "require.h"
+
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "base/suggest.h"
+#include "json.h"
+
+namespace probelab {
+namespace {
+
+// Longer operators first, so that "<=" is not read as "<".
+constexpr std::array<std::pair<const char*, Comparison>, 5> kOperators = {{
+    {"<=", Comparison::less_equal},
+    {">=", Comparison::greater_equal},
+    {"==", Comparison::equal},
+    {"<", Comparison::less},
+    {">", Comparison::greater},
+}};
+
+constexpr const char* kSections[] = {"", "error.", "speed."};
+
+std::string operatorText(Comparison comparison) {
+  for (const auto& [text, value] : kOperators)
+    if (value == comparison) return text;
+  return "";
+}
+
+bool holds(double measured, Comparison comparison, double wanted) {
+  switch (comparison) {
+    case Comparison::less_equal:
+      return measured <= wanted;
+    case Comparison::less:
+      return measured < wanted;
+    case Comparison::greater_equal:
+      return measured >= wanted;
+    case Comparison::greater:
+      return measured > wanted;
+    case Comparison::equal:
+      return measured == wanted;
+  }
+  return false;
+}
+
+// Dotted path -> value, for every number, null and truth value.
+void flatten(const Json& json, const std::string& prefix,
+             std::vector<std::pair<std::string, Json>>& out) {
+  if (json.is_object() || json.is_array()) {
+    for (const auto& [key, value] : json.items())
+      flatten(value, prefix.empty() ? key : prefix + "." + key, out);
+  } else if (!json.is_string()) {
+    out.emplace_back(prefix, json);
+  }
+}
+
+// Without the section that need not be written.
+std::string shortName(const std::string& path) {
+  for (const std::string section : {"error.", "speed."})
+    if (path.rfind(section, 0) == 0) return path.substr(section.size());
+  return path;
+}
+
+double measuredValue(const std::string& name, const Json& result) {
+  std::vector<std::pair<std::string, Json>> values;
+  flatten(result, "", values);
+  for (const char* section : kSections)
+    for (const auto& [path, value] : values) {
+      if (path != section + name) continue;
+      if (!value.is_number())
+        throwInput("--require: '{}' is {} in this result, so it cannot be compared", path,
+                   value.dump());
+      return value.get<double>();
+    }
+  std::vector<std::string> names;
+  for (const auto& [path, value] : values)
+    if (value.is_number()) names.push_back(shortName(path));
+  throwInput("--require: the result has no number '{}'{}", name, suggestion(name, names));
+}
+
+}  // namespace
+
+Requirement parseRequirement(const std::string& text) {
+  for (const auto& [symbol, comparison] : kOperators) {
+    const std::size_t at = text.find(symbol);
+    if (at == std::string::npos) continue;
+    const std::string name = CLI::detail::trim_copy(text.substr(0, at));
+    const std::string number = CLI::detail::trim_copy(text.substr(at + std::string(symbol).size()));
+    char* end = nullptr;
+    const double wanted = std::strtod(number.c_str(), &end);
+    if (!name.empty() && !number.empty() && *end == '\0' && std::isfinite(wanted))
+      return {name, comparison, wanted};
+    break;
+  }
+  throwInput(
+      "--require '{}': write NAME OPERATOR NUMBER with <=, <, >=, > or ==, as in "
+      "'nrmse<=0.05'",
+      text);
+}
+
+void addRequireOption(CLI::App& app, std::vector<std::string>& texts) {
+  app.add_option("--require", texts,
+                 "exit with 3 unless this number of the JSON is within a bound, as in "
+                 "'nrmse<=0.05'; with <=, <, >=, > or ==; may be repeated")
+      ->type_name("COND")
+      ->allow_extra_args(false)
+      ->group("Output")
+      ->check([](const std::string& text) {
+        parseRequirement(text);
+        return std::string();
+      });
+}
+
+void checkRequirements(const std::vector<std::string>& texts, const Json& result) {
+  std::vector<std::string> failures;
+  for (const std::string& text : texts) {
+    const Requirement requirement = parseRequirement(text);
+    const double measured = measuredValue(requirement.name, result);
+    if (!holds(measured, requirement.comparison, requirement.wanted))
+      failures.push_back(fmt::format("{}: wanted {} {:g}, measured {:.9g}", requirement.name,
+                                     operatorText(requirement.comparison), requirement.wanted,
+                                     measured));
+  }
+  if (!failures.empty())
+    throw RequirementNotMet(fmt::format("not met: {}", fmt::join(failures, "; ")));
+}
+
+}  // namespace probelab

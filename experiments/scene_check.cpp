@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "scene_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "base/error.h"
+
+namespace probelab {
+namespace {
+
+// As the default bounds are: a box grown by 1 % of its diagonal, so that the walls are inside.
+constexpr double kVolumeMargin = 0.01;
+constexpr int kViewDirections = 64;
+
+Box3d worldBox(const Scene& scene, const Box3f& box) {
+  return {toWorld(scene, box.min), toWorld(scene, box.max)};
+}
+
+bool isEmpty(const Box3f& box) {
+  return !(box.min.x <= box.max.x && box.min.y <= box.max.y && box.min.z <= box.max.z);
+}
+
+// The reachable space with its walls; the bounds where no space is known or it runs to their edge.
+Box3d suggestVolume(const Scene& scene, const std::optional<Reachability>& reachability) {
+  const Box3d bounds = worldBox(scene, scene.bounds);
+  if (!reachability || isEmpty(reachability->reachable_box)) return bounds;
+  for (const Region& region : reachability->regions)
+    if (region.reachable && region.touches_bounds) return bounds;
+  const Box3d box = worldBox(scene, reachability->reachable_box);
+  const Vec3d margin(kVolumeMargin * length(box.max - box.min));
+  return {box.min - margin, box.max + margin};
+}
+
+void warnOfMesh(const MeshReport& mesh, std::vector<std::string>& warnings) {
+  const auto open = std::count_if(mesh.meshes.begin(), mesh.meshes.end(),
+                                  [](const MeshEdges& edges) { return !edges.closed(); });
+  if (mesh.all.boundary_edges > 0)
+    warnings.push_back(fmt::format(
+        "the geometry is open: {} edges have a triangle on one side only ({} of {} meshes); light "
+        "can pass where a wall has no thickness or a gap",
+        mesh.all.boundary_edges, open, mesh.meshes.size()));
+  if (mesh.all.inconsistent_edges > 0)
+    warnings.push_back(
+        fmt::format("{} edges join triangles that face opposite ways; back faces are "
+                    "black unless doubleSided",
+                    mesh.all.inconsistent_edges));
+  if (mesh.all.nonmanifold_edges > 0)
+    warnings.push_back(
+        fmt::format("{} edges are shared by three or more triangles", mesh.all.nonmanifold_edges));
+  if (mesh.degenerate_triangles > 0)
+    warnings.push_back(
+        fmt::format("{} triangles without area were left out", mesh.degenerate_triangles));
+  if (mesh.duplicate_triangles > 0)
+    warnings.push_back(fmt::format("{} triangles are there twice", mesh.duplicate_triangles));
+}
+
+void warnOfLight(const Scene& scene, const SceneFeatures& features,
+                 std::vector<std::string>& warnings) {
+  const bool lit = features.emission || features.sky || features.directional_lights ||
+                   features.point_lights || features.spot_lights;
+  if (!lit)
+    warnings.push_back(
+        "nothing emits light: no light, no emissive material, no sky; 'probelab "
+        "init' writes a scene TOML with a sun and a sky");
+  if (scene.cameras.empty())
+    warnings.push_back(
+        "no camera: add a [[camera]] in a scene TOML, or let 'probelab init' find a "
+        "place for one");
+}
+
+void warnOfSpace(const Scene& scene, const Reachability& reachability,
+                 std::vector<std::string>& warnings) {
+  if (!reachability.anchored)
+    warnings.push_back(
+        "no camera or receiver seed says which space counts; taken are the regions "
+        "that do not touch the bounds, or all of them");
+  for (const Region& region : reachability.regions)
+    if (region.inside_solid)
+      for (const uint32_t camera : region.cameras)
+        warnings.push_back(
+            fmt::format("camera '{}' mostly sees back faces: it is inside a solid, or "
+                        "the walls face outward",
+                        scene.cameras[camera].name));
+}
+
+// The six cells around one, -1 outside the bounds.
+std::array<int, 6> neighboursOf(const Reachability& r, int cell) {
+  const int nx = r.resolution.x, ny = r.resolution.y, nz = r.resolution.z;
+  const int x = cell % nx, y = cell / nx % ny, z = cell / (nx * ny);
+  return {x > 0 ? cell - 1 : -1,       x + 1 < nx ? cell + 1 : -1,
+          y > 0 ? cell - nx : -1,      y + 1 < ny ? cell + nx : -1,
+          z > 0 ? cell - nx * ny : -1, z + 1 < nz ? cell + nx * ny : -1};
+}
+
+// The cell of `region` that the most steps from cell to cell separate from any other cell and from
+// the bounds; -1 when it has none.
+int deepestCell(const Reachability& r, int region) {
+  const auto isInside = [&](int cell) { return cell >= 0 && r.cell_region[cell] == region; };
+  std::vector<char> seen(r.cell_region.size(), 0);
+  std::vector<int> front, next;
+  for (int cell = 0; cell < static_cast<int>(r.cell_region.size()); ++cell) {
+    if (!isInside(cell)) continue;
+    const std::array<int, 6> around = neighboursOf(r, cell);
+    if (!std::all_of(around.begin(), around.end(), isInside)) front.push_back(cell), seen[cell] = 1;
+  }
+  int deepest = -1;
+  while (!front.empty()) {
+    deepest = front[front.size() / 2];
+    next.clear();
+    for (const int cell : front)
+      for (const int n : neighboursOf(r, cell))
+        if (isInside(n) && !seen[n]) seen[n] = 1, next.push_back(n);
+    std::sort(next.begin(), next.end());
+    front.swap(next);
+  }
+  return deepest;
+}
+
+}  // namespace
+
+SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree) {
+  SceneCheck check;
+  check.mesh = reportMesh(scene);
+  check.features = sceneFeatures(scene);
+  check.wall = measureWallThickness(scene, embree);
+  check.warnings = scene.warnings;
+  warnOfMesh(check.mesh, check.warnings);
+  warnOfLight(scene, check.features, check.warnings);
+  try {
+    check.reachability = findReachable(scene, embree);
+    warnOfSpace(scene, *check.reachability, check.warnings);
+  } catch (const InputError& error) {
+    check.warnings.push_back(error.what());
+  }
+  check.suggested_volume = suggestVolume(scene, check.reachability);
+  return check;
+}
+
+std::optional<CameraPlace> findCameraPlace(const EmbreeScene& embree,
+                                           const Reachability& reachability) {
+  int best = -1;
+  for (std::size_t i = 0; i < reachability.regions.size() && best < 0; ++i)
+    if (reachability.regions[i].reachable) best = static_cast<int>(i);
+  const int cell = best < 0 ? -1 : deepestCell(reachability, best);
+  if (cell < 0) return std::nullopt;
+  CameraPlace place;
+  place.position = reachability.cellCenter(cell);
+  const float far = length(reachability.bounds.max - reachability.bounds.min);
+  float longest = -1;
+  for (int i = 0; i < kViewDirections; ++i) {
+    const double angle = 2 * std::numbers::pi * i / kViewDirections;
+    const Vec3f direction(Vec3d(std::cos(angle), 0, std::sin(angle)));
+    Ray ray;
+    ray.origin = place.position, ray.t_min = 0, ray.direction = direction, ray.t_max = far;
+    const Hit hit = embree.closest(ray);
+    const float distance = hit.primitive != kNoHit ? hit.t : 0.5f * far;
+    if (distance > longest) {
+      longest = distance;
+      place.target = place.position + direction * distance;
+    }
+  }
+  return place;
+}
+
+}  // namespace probelab

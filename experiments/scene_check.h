@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What the program finds out about a scene before anything is computed in it: `check` prints it,
+// `init` uses it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "scene/mesh_report.h"
+#include "scene/scene.h"
+#include "trace/embree_scene.h"
+#include "trace/reachability.h"
+#include "trace/wall_thickness.h"
+
+namespace probelab {
+
+struct SceneCheck {
+  MeshReport mesh;
+  SceneFeatures features;
+  WallThickness wall;
+  std::optional<Reachability> reachability;  // empty when it cannot be decided; see warnings
+  Box3d suggested_volume;                    // world coordinates
+  std::vector<std::string> warnings;
+};
+
+SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree);
+
+struct CameraPlace {
+  Vec3f position, target;  // local coordinates
+};
+
+// In the reachable region with the most cells: the cell farthest from any wall, looking the way the
+// view is longest at its height. Empty without free space.
+std::optional<CameraPlace> findCameraPlace(const EmbreeScene& embree,
+                                           const Reachability& reachability);
+
+}  // namespace probelab
