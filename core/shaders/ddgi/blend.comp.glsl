@@ -11,7 +11,9 @@
 
 BUFFER(BIND_RADIANCE, readonly, Radiance, vec4 radiance[]);
 BUFFER(BIND_WEIGHTS, readonly, Weights, float weights[]);
-BUFFER(BIND_ATLAS, restrict, Atlas, uint atlas[]);
+BUFFER(BIND_PREVIOUS, readonly, Previous, uint previous[]);
+BUFFER(BIND_ATLAS, writeonly, Atlas, uint atlas[]);
+BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
 #if PL_ACCUMULATE
 BUFFER(BIND_AVERAGE, restrict, Average, vec3 average[]);  // linear, interior texels
 #endif
@@ -25,19 +27,18 @@ layout(push_constant, scalar) uniform Push {
 const uint kProbes = 4u;
 
 #if PL_BLEND == 0
-#define PL_TEXEL_FORMAT PL_IRRADIANCE_FORMAT
 vec3 loadTexel(uint texel) {
 #if PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA32F
-  return vec3(uintBitsToFloat(atlas[texel * 4u]), uintBitsToFloat(atlas[texel * 4u + 1u]),
-              uintBitsToFloat(atlas[texel * 4u + 2u]));
+  return vec3(uintBitsToFloat(previous[texel * 4u]), uintBitsToFloat(previous[texel * 4u + 1u]),
+              uintBitsToFloat(previous[texel * 4u + 2u]));
 #elif PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA16F
-  uint rg = atlas[texel * 2u];
+  uint rg = previous[texel * 2u];
   return vec3(unpackHalfFloat(rg & 0xffffu), unpackHalfFloat(rg >> 16u),
-              unpackHalfFloat(atlas[texel * 2u + 1u] & 0xffffu));
+              unpackHalfFloat(previous[texel * 2u + 1u] & 0xffffu));
 #elif PL_IRRADIANCE_FORMAT == PL_FORMAT_R11G11B10F
-  return unpackR11G11B10(atlas[texel]);
+  return unpackR11G11B10(previous[texel]);
 #else
-  return unpackRgb10A2(atlas[texel]);
+  return unpackRgb10A2(previous[texel]);
 #endif
 }
 void storeTexel(uint texel, vec3 value) {
@@ -54,6 +55,13 @@ void storeTexel(uint texel, vec3 value) {
   atlas[texel] = packRgb10A2(value);
 #endif
 }
+#if PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA32F
+const float kLargest = 3.4e38;
+#elif PL_IRRADIANCE_FORMAT == PL_FORMAT_RGB10A2
+const float kLargest = 1.0;
+#else
+const float kLargest = 65024.0;
+#endif
 // What a ray adds: radiance, or nothing where the back faces are left out.
 vec4 contribution(vec4 ray) {
   return push.blend.backface_skip != 0u && ray.w < 0.0 ? vec4(0.0) : vec4(ray.rgb, 1.0);
@@ -65,9 +73,9 @@ vec3 encodeTexel(vec3 mean) {
 #else
 vec3 loadTexel(uint texel) {
 #if PL_MOMENT_FORMAT == PL_FORMAT_RG32F
-  return vec3(uintBitsToFloat(atlas[texel * 2u]), uintBitsToFloat(atlas[texel * 2u + 1u]), 0.0);
+  return vec3(uintBitsToFloat(previous[texel * 2u]), uintBitsToFloat(previous[texel * 2u + 1u]), 0.0);
 #else
-  uint pair = atlas[texel];
+  uint pair = previous[texel];
   return vec3(unpackHalfFloat(pair & 0xffffu), unpackHalfFloat(pair >> 16u), 0.0);
 #endif
 }
@@ -79,6 +87,7 @@ void storeTexel(uint texel, vec3 value) {
   atlas[texel] = packHalfPair(value.x, value.y);
 #endif
 }
+const float kLargest = PL_MOMENT_FORMAT == PL_FORMAT_RG32F ? 3.4e38 : 65504.0;
 vec4 contribution(vec4 ray) {
   float distance_m = ray.w < 0.0 ? -ray.w * push.blend.backface_shortening : ray.w;
   float r = min(distance_m * push.blend.distance_scale, push.blend.distance_clamp);
@@ -112,21 +121,22 @@ void finishTexel(uint probe, uint texel, vec4 sum) {
   uint y = texel / push.texels;
   uint size = push.texels + 2u;
   uint stored_at = (probe * size + y + 1u) * size + x + 1u;
-  // No ray counted for this texel: it keeps what it had.
   vec3 mean = sum.w > 0.0 ? sum.rgb / sum.w : vec3(0.0);
   vec3 value = encodeTexel(mean);
   if (sum.w <= 0.0) {
-    value = loadTexel(stored_at);
+    value = loadTexel(stored_at);  // no ray counted for this texel: it keeps what it had
   } else if (blend.hysteresis > 0.0) {
     value = mix(value, loadTexel(stored_at), blend.hysteresis);
   }
 #if PL_ACCUMULATE
   uint at = probe * push.texels * push.texels + texel;
-  vec3 running = blend.accumulate < 1.0 ? average[at] + (mean - average[at]) * blend.accumulate
-                                        : mean;
+  vec3 running = mean;
+  if (blend.accumulate < 1.0)
+    running = sum.w > 0.0 ? average[at] + (mean - average[at]) * blend.accumulate : average[at];
   average[at] = running;
   if (blend.store_average != 0u) value = encodeTexel(running);
 #endif
+  if (max(value.x, max(value.y, value.z)) > kLargest) atomicAdd(counters.clamped_texels, 1u);
   storeWithBorder(probe, x, y, value);
 }
 

@@ -10,7 +10,7 @@
 PL_NAMESPACE_BEGIN
 
 // One material; textures with width 0 are absent.
-struct MaterialData {
+struct GpuMaterial {
   PL_FLOAT3 base_color;
   float metallic;
   PL_FLOAT3 emission;
@@ -27,7 +27,7 @@ const PL_UINT kMaterialAlphaMask = 2u;
 
 // What a ray found. `radiance` starts as emission (or the sky), direct light is added to it.
 // The geometric normal is octahedral, in ng_x and ng_y.
-struct Surface {
+struct RaySurface {
   PL_FLOAT3 origin;   // on the front side, safe to start a ray from
   float distance;     // metres; negative on a back face, kMissDistance on a miss
   PL_FLOAT3 normal;   // shading normal, on the front side
@@ -62,8 +62,18 @@ struct BlendConstants {
   PL_UINT store_average;   // 1: the atlas gets the running average, 0: this update
 };
 
+// What went wrong, counted on the device.
+struct Counters {
+  PL_UINT non_finite_rays;    // radiance that is NaN or Inf
+  PL_UINT clamped_texels;     // beyond the format's largest number
+  PL_UINT fallback_queries;   // no probe answered
+  PL_UINT tiny_weight_sums;   // sum of weights below kTinyWeightSum
+};
+
+const float kTinyWeightSum = 1e-6f;
+
 #ifdef __cplusplus
-static_assert(sizeof(MaterialData) == 160 && sizeof(Surface) == 64 && sizeof(QueryPoint) == 36 &&
+static_assert(sizeof(GpuMaterial) == 160 && sizeof(RaySurface) == 64 && sizeof(QueryPoint) == 36 &&
               sizeof(BlendConstants) == 44);
 #endif
 

@@ -10,10 +10,10 @@
 
 BUFFER(BIND_LIGHTS, readonly, Lights, LightData lights[]);
 #if PL_LIGHT_PASS == 0
-BUFFER(BIND_SURFACES, readonly, Surfaces, Surface surfaces[]);
+BUFFER(BIND_SURFACES, readonly, Surfaces, RaySurface surfaces[]);
 BUFFER(BIND_SHADOW_RAYS, writeonly, ShadowRays, Ray shadow_rays[]);
 #else
-BUFFER(BIND_SURFACES, restrict, Surfaces, Surface surfaces[]);
+BUFFER(BIND_SURFACES, restrict, Surfaces, RaySurface surfaces[]);
 BUFFER(BIND_OCCLUDED, readonly, Occluded, uint occluded[]);
 #endif
 
@@ -23,7 +23,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 // Irradiance on the surface without shadow; 0 where the light is behind either normal.
-vec3 unshadowed(Surface surface, LightSample light) {
+vec3 unshadowed(RaySurface surface, LightSample light) {
   float cosine = dot(surface.normal, light.direction);
   vec3 geometric = octDecode(vec2(surface.ng_x, surface.ng_y));
   if (surface.hit == 0u || cosine <= 0.0 || dot(geometric, light.direction) <= 0.0)
@@ -34,7 +34,7 @@ vec3 unshadowed(Surface surface, LightSample light) {
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
-  Surface surface = surfaces[i];
+  RaySurface surface = surfaces[i];
   LightSample light = sampleLight(lights[push.light], surface.origin);
   vec3 irradiance = unshadowed(surface, light);
 #if PL_LIGHT_PASS == 0

@@ -7,6 +7,7 @@
 
 BUFFER(BIND_POINTS, readonly, Points, QueryPoint points[]);
 BUFFER(BIND_RESULTS, writeonly, Results, vec4 results[]);
+BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
 
 layout(push_constant, scalar) uniform Push { uint item_count; } push;
 
@@ -16,5 +17,7 @@ void main() {
   QueryPoint point = points[i];
   QueryResult result =
       queryLattice(query_params, kModes, lattice, point.position, point.normal, point.view);
+  if (result.fallback != 0) atomicAdd(counters.fallback_queries, 1u);
+  else if (result.weight_sum < kTinyWeightSum) atomicAdd(counters.tiny_weight_sums, 1u);
   results[i] = vec4(result.irradiance, result.fallback != 0 ? -1.0 : result.weight_sum);
 }

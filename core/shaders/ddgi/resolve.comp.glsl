@@ -6,9 +6,10 @@
 #include "ddgi/stage.glsl"
 #include "ddgi/field.glsl"
 
-BUFFER(BIND_SURFACES, readonly, Surfaces, Surface surfaces[]);
+BUFFER(BIND_SURFACES, readonly, Surfaces, RaySurface surfaces[]);
 BUFFER(BIND_RAYS, readonly, Rays, Ray rays[]);
 BUFFER(BIND_RADIANCE, writeonly, Radiance, vec4 radiance[]);  // rgb, signed distance in metres
+BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
 #if PL_STORE_IRRADIANCE
 BUFFER(BIND_HIT_IRRADIANCE, writeonly, HitIrradiance, vec4 hit_irradiance[]);
 #endif
@@ -18,14 +19,17 @@ layout(push_constant, scalar) uniform Push { uint item_count; } push;
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
-  Surface surface = surfaces[i];
+  RaySurface surface = surfaces[i];
   vec3 outgoing = surface.radiance;
   vec3 irradiance = vec3(0.0);
   if (surface.hit != 0u && max(surface.albedo.x, max(surface.albedo.y, surface.albedo.z)) > 0.0) {
-    irradiance = queryLattice(query_params, kModes, lattice, surface.origin, surface.normal,
-                              rays[i].direction).irradiance;
+    QueryResult result = queryLattice(query_params, kModes, lattice, surface.origin,
+                                      surface.normal, rays[i].direction);
+    if (result.fallback != 0) atomicAdd(counters.fallback_queries, 1u);
+    irradiance = result.irradiance;
     outgoing += surface.albedo * irradiance * (1.0 / 3.14159265358979);
   }
+  if (any(isnan(outgoing)) || any(isinf(outgoing))) atomicAdd(counters.non_finite_rays, 1u);
   radiance[i] = vec4(outgoing, surface.distance);
 #if PL_STORE_IRRADIANCE
   hit_irradiance[i] = vec4(irradiance, float(surface.hit));

@@ -12,7 +12,7 @@ struct TriangleData {
 
 BUFFER(BIND_TRIANGLES, readonly, Triangles, TriangleData triangles[]);
 BUFFER(BIND_POSITIONS, readonly, Positions, vec3 positions[]);
-BUFFER(BIND_MATERIALS, readonly, Materials, MaterialData materials[]);
+BUFFER(BIND_MATERIALS, readonly, Materials, GpuMaterial materials[]);
 #if PL_SHADING_NORMALS
 BUFFER(BIND_NORMALS, readonly, Normals, vec3 normals[]);
 #endif
@@ -35,7 +35,7 @@ vec4 sampleUse(TextureUseData use, TriangleData triangle, float u, float v, bool
 #endif
 
 // Diffuse: base colour (1 - metallic).
-vec3 materialAlbedo(MaterialData material, TriangleData triangle, float u, float v) {
+vec3 materialAlbedo(GpuMaterial material, TriangleData triangle, float u, float v) {
   vec3 base = material.base_color;
   float metallic = material.metallic;
 #if PL_TEXTURES
@@ -48,7 +48,7 @@ vec3 materialAlbedo(MaterialData material, TriangleData triangle, float u, float
 }
 
 #if PL_EMISSION
-vec3 materialEmission(MaterialData material, TriangleData triangle, float u, float v) {
+vec3 materialEmission(GpuMaterial material, TriangleData triangle, float u, float v) {
   vec3 emission = material.emission;
 #if PL_TEXTURES
   if (material.emission_texture.width != 0u)
@@ -59,7 +59,7 @@ vec3 materialEmission(MaterialData material, TriangleData triangle, float u, flo
 #endif
 
 #if PL_ALPHA_MASK
-bool materialCutsOut(MaterialData material, TriangleData triangle, float u, float v) {
+bool materialCutsOut(GpuMaterial material, TriangleData triangle, float u, float v) {
   if ((material.flags & kMaterialAlphaMask) == 0u) return false;
   float alpha = material.base_alpha;
 #if PL_TEXTURES

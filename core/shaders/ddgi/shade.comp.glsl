@@ -10,7 +10,7 @@
 
 BUFFER(BIND_RAYS, readonly, Rays, Ray rays[]);
 BUFFER(BIND_HITS, readonly, Hits, Hit hits[]);
-BUFFER(BIND_SURFACES, writeonly, Surfaces, Surface surfaces[]);
+BUFFER(BIND_SURFACES, writeonly, Surfaces, RaySurface surfaces[]);
 #if PL_TRIANGLES
 #include "ddgi/scene.glsl"
 #endif
@@ -33,15 +33,15 @@ vec3 skyRadiance(vec3 direction) {
 #endif
 }
 
-Surface missed(vec3 direction) {
-  return Surface(vec3(0.0), kMissDistance, vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0,
+RaySurface missed(vec3 direction) {
+  return RaySurface(vec3(0.0), kMissDistance, vec3(0.0, 1.0, 0.0), 0.0, vec3(0.0), 0.0,
                  skyRadiance(direction), 0u);
 }
 
 #if PL_TRIANGLES
-Surface shade(Ray ray, Hit hit) {
+RaySurface shade(Ray ray, Hit hit) {
   TriangleData triangle = triangles[hit.primitive];
-  MaterialData material = materials[triangle.material];
+  GpuMaterial material = materials[triangle.material];
   vec3 p0 = positions[triangle.vertex[0]];
   vec3 p1 = positions[triangle.vertex[1]];
   vec3 p2 = positions[triangle.vertex[2]];
@@ -52,7 +52,7 @@ Surface shade(Ray ray, Hit hit) {
   black = back && (material.flags & kMaterialDoubleSided) == 0u;
 #endif
   if (back) geometric = -geometric;
-  Surface surface;
+  RaySurface surface;
   surface.origin = offsetOrigin(pointOnTriangle(p0, p1, p2, hit.u, hit.v), geometric, geometric);
   surface.distance = black ? -hit.t : hit.t;
   vec2 encoded = octEncode(geometric);

@@ -15,6 +15,8 @@ BUFFER(BIND_OCCLUDED, writeonly, Occluded, uint occluded[]);
 #endif
 #if PL_ALPHA_MASK
 #include "ddgi/scene.glsl"
+// Triangles of one opacity make a geometry; this is where each starts.
+BUFFER(BIND_FIRST_TRIANGLES, readonly, FirstTriangles, uint first_triangles[]);
 #endif
 layout(set = 0, binding = BIND_ACCELERATION_STRUCTURE) uniform accelerationStructureEXT scene_as;
 
@@ -31,6 +33,14 @@ const uint kOpaque = 0u;
 const uint kOpaque = gl_RayFlagsOpaqueEXT;
 #endif
 
+uint triangleOf(int geometry, int primitive) {
+#if PL_ALPHA_MASK
+  return first_triangles[geometry] + uint(primitive);
+#else
+  return uint(primitive);
+#endif
+}
+
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
@@ -44,7 +54,9 @@ void main() {
 #if PL_ALPHA_MASK
       if (rayQueryGetIntersectionTypeEXT(query, false) ==
           gl_RayQueryCandidateIntersectionTriangleEXT) {
-        TriangleData triangle = triangles[rayQueryGetIntersectionPrimitiveIndexEXT(query, false)];
+        TriangleData triangle =
+            triangles[triangleOf(rayQueryGetIntersectionGeometryIndexEXT(query, false),
+                                 rayQueryGetIntersectionPrimitiveIndexEXT(query, false))];
         vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
         if (!materialCutsOut(materials[triangle.material], triangle, uv.x, uv.y))
           rayQueryConfirmIntersectionEXT(query);
@@ -55,7 +67,9 @@ void main() {
         gl_RayQueryCommittedIntersectionTriangleEXT) {
       vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, true);
       hit = Hit(rayQueryGetIntersectionTEXT(query, true),
-                uint(rayQueryGetIntersectionPrimitiveIndexEXT(query, true)), uv.x, uv.y);
+                triangleOf(rayQueryGetIntersectionGeometryIndexEXT(query, true),
+                           rayQueryGetIntersectionPrimitiveIndexEXT(query, true)),
+                uv.x, uv.y);
     }
   }
 #if PL_TRACE == 0

@@ -18,6 +18,7 @@ enum class RngStream : uint64_t {
   bootstrap = 7,
   test = 8,
   placement = 9,
+  field_image = 10,
 };
 
 // The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection on 64 bits.

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ddgi/ray_batch.h"
+
+#include "base/error.h"
+#include "base/suggest.h"
+#include "ddgi/constants.h"
+#include "ddgi/tracers.h"
+
+namespace probelab {
+namespace {
+
+struct CountPush {
+  uint32_t item_count;
+};
+struct LightPush {
+  uint32_t item_count, light;
+};
+
+RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, bool has_lights) {
+  const MemoryUse shared = on_host ? MemoryUse::host_visible : MemoryUse::device;
+  const uint64_t n = capacity;
+  RayBuffers buffers;
+  buffers.capacity = capacity;
+  buffers.rays = createBuffer(context, n * sizeof(Ray), MemoryUse::host_visible, "rays");
+  buffers.hits = createBuffer(context, n * sizeof(Hit), shared, "hits");
+  buffers.surfaces =
+      createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
+  buffers.radiance = createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "radiance");
+  buffers.hit_irradiance =
+      createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "hit irradiance");
+  if (has_lights) {
+    buffers.shadow_rays = createBuffer(context, n * sizeof(Ray), shared, "shadow rays");
+    buffers.occluded = createBuffer(context, n * sizeof(uint32_t), shared, "occluded");
+  }
+  return buffers;
+}
+
+}  // namespace
+
+TracerKind parseTracer(const std::string& name) {
+  if (name == "auto") return TracerKind::automatic;
+  if (name == "rayquery") return TracerKind::rayquery;
+  if (name == "embree") return TracerKind::embree;
+  const std::vector<std::string> known = {"auto", "rayquery", "embree"};
+  throwInput("unknown tracer '{}'{}", name, suggestion(name, known));
+}
+
+uint64_t rayBytes(bool has_lights) {
+  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + 2 * sizeof(Vec4f) +
+         (has_lights ? sizeof(Ray) + sizeof(uint32_t) : 0);
+}
+
+RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& embree,
+                   TracerKind tracer, uint32_t capacity)
+    : context_(context), scene_(uploadScene(context, scene)) {
+  const DeviceInfo& device = context.info();
+  if (tracer == TracerKind::automatic)
+    tracer = device.ray_query && !device.is_cpu ? TracerKind::rayquery : TracerKind::embree;
+  if (tracer == TracerKind::rayquery && !device.ray_query)
+    throw DeviceError(fmt::format("{} has no ray query; use --tracer embree, or a newer driver",
+                                  device.name));
+  const bool has_lights = scene_.light_count > 0;
+  buffers_ = makeBuffers(context, capacity, tracer == TracerKind::embree, has_lights);
+  tracer_name_ = tracer == TracerKind::embree ? "embree" : "rayquery";
+  if (scene_.features.triangles)
+    tracer_ = tracer == TracerKind::embree
+                  ? makeEmbreeTracer(embree, buffers_)
+                  : makeRayQueryTracer(context, scene, scene_, buffers_);
+
+  const Defines defines = sceneDefines(scene_.features);
+  std::vector<StageInput> inputs = {{"RAYS", &buffers_.rays},
+                                    {"HITS", &buffers_.hits},
+                                    {"SURFACES", &buffers_.surfaces}};
+  for (const StageInput& input : sceneInputs(scene_)) inputs.push_back(input);
+  if (scene_.sky) inputs.push_back({"SKY", &scene_.sky});
+  if (scene_.sky_image) inputs.push_back({"SKY_IMAGE", &scene_.sky_image});
+  shade_ = makeStage(context, "ddgi/shade.comp.glsl", defines, inputs, sizeof(CountPush));
+  if (!has_lights) return;
+  for (const int pass : {0, 1}) {
+    Defines light_defines = defines;
+    light_defines.emplace_back("PL_LIGHT_PASS", std::to_string(pass));
+    const StageInput output = pass == 0 ? StageInput{"SHADOW_RAYS", &buffers_.shadow_rays}
+                                        : StageInput{"OCCLUDED", &buffers_.occluded};
+    (pass == 0 ? shadow_rays_ : add_light_) = makeStage(
+        context, "ddgi/light.comp.glsl", light_defines,
+        {{"LIGHTS", &scene_.lights}, {"SURFACES", &buffers_.surfaces}, output},
+        sizeof(LightPush));
+  }
+}
+
+void RayBatch::uploadRays(std::span<const Ray> rays) { uploadArray(context_, buffers_.rays, rays); }
+
+void RayBatch::trace(StageRecorder& recorder, uint32_t count) {
+  PROBELAB_CHECK(count <= buffers_.capacity);
+  if (tracer_) tracer_->closest(recorder, count);
+  recorder.run("shade", shade_, CountPush{count}, count);
+  for (uint32_t light = 0; light < scene_.light_count; ++light) {
+    recorder.run("shade", shadow_rays_, LightPush{count, light}, count);
+    if (tracer_) tracer_->occluded(recorder, count);
+    recorder.run("shade", add_light_, LightPush{count, light}, count);
+  }
+}
+
+}  // namespace probelab
