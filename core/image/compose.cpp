@@ -2,7 +2,9 @@
 #include "image/compose.h"
 
 #include <algorithm>
-#include <cmath>
+#include <sstream>
+#include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "font.h"
@@ -30,20 +32,45 @@ void fillRectangle(ByteImage& image, int x, int y, int width, int height, Vec3<u
 
 int lineHeight(int scale) { return (kGlyphHeight + 2) * scale; }
 
-// The text cut with ".." to what fits into `width` pixels.
-std::string cutText(std::string_view text, int scale, int width) {
-  if (measureText(text, scale).width <= width) return std::string(text);
-  std::string shorter(text);
-  while (!shorter.empty() && measureText(shorter + "..", scale).width > width) shorter.pop_back();
-  return shorter + "..";
+// Lines that fit into `width` pixels: broken at '\n' and at spaces; longer words are cut with "..".
+std::vector<std::string> wrapText(const std::string& text, int scale, int width) {
+  const auto fits = [&](const std::string& line) {
+    return measureText(line, scale).width <= width;
+  };
+  std::vector<std::string> lines;
+  std::istringstream paragraphs(text);
+  for (std::string paragraph; std::getline(paragraphs, paragraph);) {
+    std::istringstream words(paragraph);
+    std::string line;
+    for (std::string word; words >> word;) {
+      if (!fits(word)) {
+        while (!word.empty() && !fits(word + "..")) word.pop_back();
+        word += "..";
+      }
+      const std::string longer = line.empty() ? word : line + " " + word;
+      if (fits(longer)) {
+        line = longer;
+      } else {
+        lines.push_back(std::exchange(line, word));
+      }
+    }
+    lines.push_back(line);
+  }
+  return lines;
 }
 
-// One line in `width` pixels, in the largest size up to `scale` in which it fits.
-void drawFittedText(ByteImage& image, int x, int y, std::string_view text, int scale, int width) {
-  int fitting = scale;
-  while (fitting > 1 && measureText(text, fitting).width > width) --fitting;
-  const int lowered = (scale - fitting) * 7;  // keeps the base line
-  drawText(image, x, y + lowered, cutText(text, fitting, width), fitting, kInk);
+void drawLines(ByteImage& image, int x, int y, std::span<const std::string> lines, int scale) {
+  for (const std::string& line : lines) {
+    drawText(image, x, y, line, scale, kInk);
+    y += lineHeight(scale);
+  }
+}
+
+void drawFrame(ByteImage& image, int x, int y, int width, int height) {
+  fillRectangle(image, x, y, width, 1, kFrame);
+  fillRectangle(image, x, y + height - 1, width, 1, kFrame);
+  fillRectangle(image, x, y, 1, height, kFrame);
+  fillRectangle(image, x + width - 1, y, 1, height, kFrame);
 }
 
 int legendHeight(int scale) { return kLegendBarUnits * scale + lineHeight(scale) + scale; }
@@ -56,10 +83,7 @@ void drawLegend(ByteImage& image, int x, int y, int width, const Legend& legend,
     fillRectangle(image, x + u, y, 1, bar,
                   is_signed ? signedErrorColor(2 * t - 1) : falseColorOf(t));
   }
-  fillRectangle(image, x, y, width, 1, kFrame);
-  fillRectangle(image, x, y + bar - 1, width, 1, kFrame);
-  fillRectangle(image, x, y, 1, bar, kFrame);
-  fillRectangle(image, x + width - 1, y, 1, bar, kFrame);
+  drawFrame(image, x, y, width, bar);
   int fitting = scale;
   const std::string all = legend.low + "  " + legend.middle + "  " + legend.high;
   while (fitting > 1 && measureText(all, fitting).width > width) --fitting;
@@ -71,26 +95,35 @@ void drawLegend(ByteImage& image, int x, int y, int width, const Legend& legend,
            kInk);
 }
 
-struct RowSize {
-  int width = 0, height = 0;
-  bool has_legend = false;
+// Panels side by side, their wrapped labels, and the room they need.
+struct Row {
+  std::span<const Panel> panels;
+  std::vector<std::vector<std::string>> labels;
+  int width = 0, label_height = 0, image_height = 0, legend_height = 0;
+  int height() const { return label_height + image_height + legend_height; }
 };
 
-RowSize measureRow(std::span<const Panel> row, int margin) {
-  RowSize size;
-  for (const Panel& p : row) {
-    size.width += p.image.width + margin;
-    size.height = std::max(size.height, p.image.height);
-    size.has_legend |= p.legend.has_value();
+Row layOutRow(std::span<const Panel> panels, const StripStyle& style) {
+  const int scale = style.text_scale;
+  Row row{panels, {}};
+  for (const Panel& p : panels) {
+    row.labels.push_back(wrapText(p.label, scale, p.image.width));
+    row.width += p.image.width + style.margin;
+    row.label_height =
+        std::max(row.label_height, static_cast<int>(row.labels.back().size()) * lineHeight(scale));
+    row.image_height = std::max(row.image_height, p.image.height);
+    if (p.legend) row.legend_height = 3 * scale + legendHeight(scale);
   }
-  return size;
+  return row;
 }
 
-void drawRow(ByteImage& strip, std::span<const Panel> row, int y, const StripStyle& style) {
+void drawRow(ByteImage& strip, const Row& row, int y, const StripStyle& style) {
   int x = style.margin;
-  for (const Panel& p : row) {
-    drawFittedText(strip, x, y, p.label, style.text_scale, p.image.width);
-    const int top = y + lineHeight(style.text_scale);
+  const int top = y + row.label_height;
+  for (std::size_t i = 0; i < row.panels.size(); ++i) {
+    const Panel& p = row.panels[i];
+    drawLines(strip, x, y, row.labels[i], style.text_scale);
+    drawFrame(strip, x - 1, top - 1, p.image.width + 2, p.image.height + 2);
     drawImage(strip, x, top, p.image);
     if (p.legend)
       drawLegend(strip, x, top + p.image.height + 3 * style.text_scale, p.image.width, *p.legend,
@@ -148,29 +181,23 @@ ByteImage composePanels(std::span<const Panel> panels, const StripStyle& style) 
   PROBELAB_CHECK(style.text_scale > 0 && style.margin >= 0);
   const std::size_t columns =
       style.columns > 0 ? static_cast<std::size_t>(style.columns) : panels.size();
-  std::vector<std::span<const Panel>> rows;
-  for (std::size_t i = 0; i < panels.size(); i += columns)
-    rows.push_back(panels.subspan(i, std::min(columns, panels.size() - i)));
-  const auto heightOf = [&](const RowSize& row) {
-    const int legend = row.has_legend ? 3 * style.text_scale + legendHeight(style.text_scale) : 0;
-    return lineHeight(style.text_scale) + row.height + legend + style.margin;
-  };
+  std::vector<Row> rows;
   int width = 0, height = style.margin;
-  for (const auto& row : rows) {
-    const RowSize size = measureRow(row, style.margin);
-    width = std::max(width, size.width + style.margin);
-    height += heightOf(size);
+  for (std::size_t i = 0; i < panels.size(); i += columns) {
+    rows.push_back(layOutRow(panels.subspan(i, std::min(columns, panels.size() - i)), style));
+    width = std::max(width, rows.back().width + style.margin);
+    height += rows.back().height() + style.margin;
   }
-  if (!style.caption.empty()) height += lineHeight(style.text_scale) + style.margin;
+  const auto caption = wrapText(style.caption, style.text_scale, width - 2 * style.margin);
+  if (!caption.empty())
+    height += static_cast<int>(caption.size()) * lineHeight(style.text_scale) + style.margin;
   ByteImage strip = makeByteImage(width, height, kWhite);
   int y = style.margin;
-  for (const auto& row : rows) {
+  for (const Row& row : rows) {
     drawRow(strip, row, y, style);
-    y += heightOf(measureRow(row, style.margin));
+    y += row.height() + style.margin;
   }
-  if (!style.caption.empty())
-    drawFittedText(strip, style.margin, y, style.caption, style.text_scale,
-                   width - 2 * style.margin);
+  drawLines(strip, style.margin, y, caption, style.text_scale);
   return strip;
 }
 

@@ -41,14 +41,15 @@ struct StripStyle {
   int margin = 10;  // pixels around and between panels
   int text_scale = 2;
   int columns = 0;      // 0: all panels in one row
-  std::string caption;  // a line under the panels; empty: none
+  std::string caption;  // under the panels; empty: none
 };
 
 // The legend of signedErrorMap: "-scale", "0", "+scale" with a unit.
 Legend signedErrorLegend(float scale, const std::string& unit = "");
 
-// Panels in rows on white, each under its label. Text that is too wide for its panel is drawn
-// smaller, and then cut with "..". Panels may differ in size. Throws InputError without panels.
+// Panels in rows on white, each under its label. Labels and the caption are wrapped at spaces and
+// broken at '\n'; words that are too wide are cut with "..". Panels may differ in size. Throws
+// InputError without panels.
 ByteImage composePanels(std::span<const Panel> panels, const StripStyle& style = {});
 
 }  // namespace probelab
