@@ -40,7 +40,8 @@ class PathTracer {
                         const Vec3f& shading_normal, RayCount& rays) const;
   // One sample of the field irradiance at a surface (without E_delta there).
   Vec3f fieldIrradiance(const BoundedPoint& point, const Vec3f& geometric_normal,
-                        const Vec3f& shading_normal, PathSampler& sampler, RayCount& rays) const;
+                        const Vec3f& shading_normal, const PathSampler& sampler,
+                        RayCount& rays) const;
   Vec3f skyRadiance(const Vec3f& direction) const;
 
   const EmbreeScene& embree() const { return embree_; }
@@ -49,7 +50,7 @@ class PathTracer {
 
  private:
   struct Vertex;
-  Vec3f emitterIrradiance(const Vertex& vertex, PathSampler& sampler, uint32_t dimension,
+  Vec3f emitterIrradiance(const Vertex& vertex, const PathSampler& sampler, uint32_t dimension,
                           RayCount& rays) const;
 
   const Scene& scene_;
