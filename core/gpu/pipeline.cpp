@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "gpu/pipeline.h"
+
+#include "pipeline_state.h"
+
+namespace probelab {
+namespace {
+
+void checkLimits(const DeviceInfo& device, const std::string& name,
+                 const PipelineOptions& options) {
+  PROBELAB_CHECK(options.push_constant_bytes % 4 == 0);
+  if (options.buffer_count > device.max_storage_buffers_per_stage)
+    throw DeviceError(fmt::format("shader {} needs {} storage buffers, the device allows {}", name,
+                                  options.buffer_count, device.max_storage_buffers_per_stage));
+  if (options.push_constant_bytes > device.max_push_constant_bytes)
+    throw DeviceError(
+        fmt::format("shader {} needs {} bytes of push constants, the device allows {}", name,
+                    options.push_constant_bytes, device.max_push_constant_bytes));
+  if (options.acceleration_structure && !device.ray_query)
+    throw DeviceError(fmt::format("shader {} needs ray queries, which device '{}' does not have",
+                                  name, device.name));
+}
+
+void createLayouts(const VulkanState& state, PipelineState& pipeline) {
+  const PipelineOptions& options = pipeline.options;
+  std::vector<VkDescriptorSetLayoutBinding> bindings;
+  const auto add = [&](VkDescriptorType type) {
+    bindings.push_back({static_cast<std::uint32_t>(bindings.size()), type, 1,
+                        VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+  };
+  for (std::uint32_t i = 0; i < options.buffer_count; ++i) add(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+  if (options.acceleration_structure) add(VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR);
+  VkDescriptorSetLayoutCreateInfo set_info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
+  set_info.bindingCount = static_cast<std::uint32_t>(bindings.size());
+  set_info.pBindings = bindings.data();
+  VkDescriptorSetLayout set_layout = VK_NULL_HANDLE;
+  checkVulkan(vkCreateDescriptorSetLayout(state.device, &set_info, nullptr, &set_layout),
+              "vkCreateDescriptorSetLayout", pipeline.name);
+  pipeline.set_layout = {state.device, set_layout, vkDestroyDescriptorSetLayout};
+
+  const VkPushConstantRange push{VK_SHADER_STAGE_COMPUTE_BIT, 0, options.push_constant_bytes};
+  VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO};
+  info.setLayoutCount = 1;
+  info.pSetLayouts = &set_layout;
+  info.pushConstantRangeCount = options.push_constant_bytes > 0 ? 1 : 0;
+  info.pPushConstantRanges = &push;
+  VkPipelineLayout layout = VK_NULL_HANDLE;
+  checkVulkan(vkCreatePipelineLayout(state.device, &info, nullptr, &layout),
+              "vkCreatePipelineLayout", pipeline.name);
+  pipeline.layout = {state.device, layout, vkDestroyPipelineLayout};
+}
+
+void createVkPipeline(const VulkanState& state, PipelineState& pipeline) {
+  VkShaderModuleCreateInfo module_info{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO};
+  module_info.codeSize = pipeline.spirv.size() * sizeof(std::uint32_t);
+  module_info.pCode = pipeline.spirv.data();
+  VkShaderModule module = VK_NULL_HANDLE;
+  checkVulkan(vkCreateShaderModule(state.device, &module_info, nullptr, &module),
+              "vkCreateShaderModule", pipeline.name);
+  const Handle<VkShaderModule> owned_module(state.device, module, vkDestroyShaderModule);
+
+  VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+  info.stage.module = module;
+  info.stage.pName = "main";
+  info.layout = pipeline.layout.get();
+  VkPipeline handle = VK_NULL_HANDLE;
+  checkVulkan(vkCreateComputePipelines(state.device, VK_NULL_HANDLE, 1, &info, nullptr, &handle),
+              "vkCreateComputePipelines", pipeline.name);
+  pipeline.pipeline = {state.device, handle, vkDestroyPipeline};
+  setName(state, VK_OBJECT_TYPE_PIPELINE, handle, pipeline.name);
+}
+
+}  // namespace
+
+ComputePipeline::ComputePipeline() = default;
+ComputePipeline::ComputePipeline(std::unique_ptr<PipelineState> state) : state_(std::move(state)) {}
+ComputePipeline::ComputePipeline(ComputePipeline&&) noexcept = default;
+ComputePipeline& ComputePipeline::operator=(ComputePipeline&&) noexcept = default;
+ComputePipeline::~ComputePipeline() = default;
+
+const std::string& ComputePipeline::name() const { return state_->name; }
+const PipelineOptions& ComputePipeline::options() const { return state_->options; }
+std::span<const std::uint32_t> ComputePipeline::spirv() const { return state_->spirv; }
+
+ComputePipeline createPipeline(GpuContext& context, const ShaderSource& source,
+                               const PipelineOptions& options) {
+  checkLimits(context.info(), source.name, options);
+  auto pipeline = std::make_unique<PipelineState>();
+  pipeline->name = source.name;
+  pipeline->options = options;
+  pipeline->spirv = compileShader(source);
+  createLayouts(context.state(), *pipeline);
+  createVkPipeline(context.state(), *pipeline);
+  return ComputePipeline(std::move(pipeline));
+}
+
+}  // namespace probelab
