@@ -24,17 +24,17 @@ def sealed_room():
     solid.fill((-9, -0.5, -9), (9, 0, 9), "ground")
     solid.fill((-3.3, 0, -2.8), (3.3, 3.3, 2.8), "plaster")
     solid.carve((-3, 0, -2.5), (3, 3, 2.5), floor="boards")
-    solid.fill((4.6, 0, -3.6), (4.9, 2.6, 3), "clay", own=True)
+    solid.fill((5.2, 0, -3.6), (5.5, 2.6, 3), "clay", own=True)
     solid.fill((-1.5, 0, 4.2), (2.4, 0.5, 5.2), "clay", own=True)
     solid.fill((-0.4, 0, -1), (1.2, 0.75, 0.2), "boards", own=True)
     materials = {"ground": material((0.45, 0.44, 0.38)), "plaster": material(PLASTER),
                  "boards": material((0.5, 0.33, 0.2)), "clay": material((0.65, 0.22, 0.12))}
     out = gltf("sealed_room", purpose, [solid.mesh()], materials)
     out["scene.toml"] = toml(
-        purpose, "sealed_room.gltf", sky=SKY, lights=[sun((-0.55, -0.75, -0.35))],
-        cameras=[("outside", (7.6, 2.4, 7.4), (1.6, 1.0, 0), 50),
+        purpose, "sealed_room.gltf", sky=SKY, lights=[sun((0.4, -0.85, -0.3))],
+        cameras=[("outside", (4.9, 1.7, 7.0), (3.0, 1.3, -0.6), 62),
                  ("inside", (-2.6, 1.7, 2.1), (1.5, 0.9, -1), 65)],
-        volume=((-9, -0.5, -9), (9, 5, 9)), seeds=[(-2, 1.5, 1.5), (7, 1.5, 6)], flip=(-2, 4),
+        volume=((-9, -0.5, -9), (9, 5, 9)), seeds=[(-2, 1.5, 1.5), (4.2, 1.5, 6)], flip=(-2, 4),
         states=[("noon", "train", None, None),
                 ("morning", "train", {"sun": {"direction": (-0.8, -0.4, 0.45), "intensity": 7}}, 0.8),
                 ("evening", "heldout", {"sun": {"direction": (0.85, -0.3, -0.3), "intensity": 4}},
@@ -141,23 +141,23 @@ def corridor_l():
     purpose = ("A corridor with a bend and a lamp at one end: the other end sees only light that has\n"
                "bounced twice. The irradiance falls by orders of magnitude on the way.")
     solid = Blocks("corridor")
-    solid.fill((-0.2, -0.2, -0.2), (10.2, 2.7, 2.0), "plaster")
-    solid.fill((8.2, -0.2, 2.0), (10.2, 2.7, 9.2), "plaster")
-    solid.carve((0, 0, 0), (10, 2.5, 1.8), floor="linoleum", north="blue", east="orange")
-    solid.carve((8.4, 0, 1.8), (10, 2.5, 9), floor="linoleum", east="orange")
+    solid.fill((-0.2, -0.2, -0.2), (8.2, 2.7, 2.0), "plaster")
+    solid.fill((6.2, -0.2, 2.0), (8.2, 2.7, 6.8), "plaster")
+    solid.carve((0, 0, 0), (8, 2.5, 1.8), floor="linoleum", north="blue", east="orange")
+    solid.carve((6.4, 0, 1.8), (8, 2.5, 6.6), floor="linoleum", east="orange")
     solid.fill((3.4, 0, 0), (4.6, 1.1, 0.4), "cabinet", own=True)
-    solid.fill((9.6, 0, 5), (10, 1.1, 6.4), "cabinet", own=True)
+    solid.fill((7.6, 0, 3.6), (8, 1.1, 4.8), "cabinet", own=True)
     materials = {"plaster": material(PLASTER), "linoleum": material((0.3, 0.36, 0.3)),
                  "blue": material((0.15, 0.28, 0.6)), "orange": material((0.72, 0.36, 0.12)),
                  "cabinet": material((0.55, 0.5, 0.42))}
-    lamps = [lamp("lamp_start", (1.2, 2.2, 1.0), 16.0), lamp("lamp_end", (9.0, 2.2, 8.2), 16.0)]
+    lamps = [lamp("lamp_start", (2.0, 2.1, 1.0), 16.0), lamp("lamp_end", (7.1, 2.1, 5.6), 16.0)]
     out = gltf("corridor_l", purpose, [solid.mesh()], materials, lamps)
-    middle = {"position": (6.0, 2.2, 1.2), "intensity": 10}
+    middle = {"position": (4.8, 2.1, 1.2), "intensity": 10}
     out["scene.toml"] = toml(
         purpose, "corridor_l.gltf",
-        cameras=[("far end", (8.8, 1.6, 7.4), (9.3, 1.15, 1.0), 62),
-                 ("start", (0.4, 1.6, 1.4), (9.0, 1.1, 0.8), 60)],
-        seeds=[(2, 1.5, 1), (9.2, 1.5, 6)],
+        cameras=[("far end", (6.8, 1.6, 6.1), (7.25, 1.15, 0.6), 62),
+                 ("start", (0.4, 1.6, 1.4), (7.0, 1.1, 0.8), 60)],
+        seeds=[(2, 1.5, 1), (7.0, 1.5, 4.2)],
         states=[("start", "train", {"lamp_end": off()}, None),
                 ("end", "train", {"lamp_start": off()}, None),
                 ("middle", "heldout", {"lamp_start": middle, "lamp_end": off()}, None)])

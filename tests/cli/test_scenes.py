@@ -253,7 +253,9 @@ class Descriptions(unittest.TestCase):
         readme = (SCENES / "README.md").read_text()
         for path in TOMLS:
             self.assertTrue(path.read_text().startswith("# "), path)
-            self.assertIn("| `%s` |" % path.parent.name, readme)
+            triangles = len(self.scene(path)[2])
+            self.assertRegex(readme, r"\| `%s` \| %s( each)? \|" % (
+                path.parent.name, format(triangles, ",")))
         for path in GLTFS:
             self.assertTrue(document(path)["asset"]["extras"]["purpose"], path)
 
