@@ -131,7 +131,11 @@ struct Scene {
   std::vector<Material> materials;
   std::vector<Texture> textures;
   std::vector<Light> lights;
-  std::vector<Vec3f> light_colors;  // parallel to lights: colour without intensity, for states
+  // What states start from, parallel to lights: the lights before any state, and their intensity =
+  // colour times candela or lux. All empty where nothing names the colour (then states multiply).
+  std::vector<Light> base_lights;
+  std::vector<Vec3f> light_colors;
+  std::vector<float> light_intensities;
   Sky sky;
   std::vector<Camera> cameras;
   Box3f bounds;              // where the field answers
