@@ -25,10 +25,11 @@ def cornell():
                  "green": material((0.14, 0.45, 0.09)),
                  "panel": material((0.78, 0.78, 0.78), emission=(17.0, 12.0, 6.8))}
     out = gltf("cornell", purpose, [box.mesh(keep=inner)], materials,
-               cameras=[("front", (0, 1.5, 5.9), (0, 1.5, 0), 39)])
+               cameras=[("red corner", (0.9, 2.3, 1.3), (-1.2, 0.7, -0.6), 60)])
     out["scene.toml"] = toml(
         purpose, "cornell.gltf", sky={"radiance": (0.3, 0.4, 0.6)}, seeds=[(0, 2.2, 1)],
-        cameras=[("red corner", (0.9, 2.3, 1.3), (-1.2, 0.7, -0.6), 60)],
+        cameras=[("front", (0, 1.5, 5.9), (0, 1.5, 0), 39)],
+        volume=((-1.501, -0.001, -1.501), (1.501, 3.001, 1.501)),
         states=[("panel", "train", None, 0), ("panel and sky", "train", None, 1),
                 ("panel and dusk", "heldout", None, 0.35)])
     return out

@@ -129,7 +129,7 @@ def sun_room():
         purpose, "sun_room.gltf", sky=SKY, lights=[sun((-0.35, -0.6, -0.7))],
         cameras=[("room", (2.6, 1.6, 1.9), (-1.8, 0.9, -1.2), 68),
                  ("windows", (-1.6, 1.5, -1.5), (0.8, 1.2, 2.3), 70)],
-        seeds=[(0, 1.5, 0.5)],
+        volume=((-3.28, -0.28, -2.53), (3.28, 3.08, 2.53)), seeds=[(0, 1.5, 0.5)],
         states=[("noon", "train", None, None),
                 ("morning", "train", {"sun": {"direction": (0.55, -0.35, -0.6), "intensity": 7}}, 0.8),
                 ("late", "heldout", {"sun": {"direction": (-0.75, -0.3, -0.5), "intensity": 4,
