@@ -13,7 +13,7 @@
 namespace probelab {
 namespace {
 
-constexpr uint64_t kMaxPixels = uint64_t{1} << 28;
+constexpr uint64_t kMaxPixels = uint64_t{1} << 26;
 
 struct PngFree {
   void operator()(png_image* image) const { png_image_free(image); }

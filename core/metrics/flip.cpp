@@ -32,6 +32,13 @@ struct Size {
   }
 };
 
+// Calls body(i) for every pixel.
+void forEachPixel(std::size_t count, auto&& body) {
+  parallelFor(count, 4096, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(i);
+  });
+}
+
 // ---- colour spaces; (1, 1, 1) in linear Rec.709 is the white point everywhere.
 
 constexpr double kRgbToXyz[3][3] = {
@@ -95,17 +102,18 @@ double hyAb(const Vec3d& a, const Vec3d& b) {
 using Kernel = std::vector<double>;  // 2 radius + 1 weights
 
 Plane convolveRows(const Plane& in, Size size, const Kernel& kernel) {
-  const int radius = static_cast<int>(kernel.size() / 2);
-  Plane out(in.size());
+  const auto width = static_cast<std::size_t>(size.width);
+  const std::size_t radius = kernel.size() / 2;
+  Plane out(in.size(), 0.0);
   parallelFor(static_cast<std::size_t>(size.height), 8, [&](std::size_t begin, std::size_t end) {
+    std::vector<double> padded(width + 2 * radius);
     for (std::size_t y = begin; y < end; ++y) {
-      const double* line = in.data() + y * static_cast<std::size_t>(size.width);
-      for (int x = 0; x < size.width; ++x) {
-        double sum = 0;
-        for (int k = -radius; k <= radius; ++k)
-          sum += kernel[k + radius] * line[std::clamp(x + k, 0, size.width - 1)];
-        out[y * static_cast<std::size_t>(size.width) + x] = sum;
-      }
+      const double* line = in.data() + y * width;
+      std::fill_n(padded.begin(), radius, line[0]);
+      std::copy_n(line, width, padded.begin() + static_cast<std::ptrdiff_t>(radius));
+      std::fill_n(padded.end() - static_cast<std::ptrdiff_t>(radius), radius, line[width - 1]);
+      for (std::size_t k = 0; k < kernel.size(); ++k)
+        for (std::size_t x = 0; x < width; ++x) out[y * width + x] += kernel[k] * padded[x + k];
     }
   });
   return out;
@@ -221,7 +229,8 @@ Plane gradientMagnitude(const Plane& in, Size size, const Kernel& derivative,
   const Plane x = convolve(in, size, derivative, smoothing);
   const Plane y = convolve(in, size, smoothing, derivative);
   Plane magnitude(in.size());
-  for (std::size_t i = 0; i < in.size(); ++i) magnitude[i] = std::hypot(x[i], y[i]);
+  forEachPixel(in.size(),
+               [&](std::size_t i) { magnitude[i] = std::sqrt(x[i] * x[i] + y[i] * y[i]); });
   return magnitude;
 }
 
@@ -251,10 +260,10 @@ double featureDifference(const Features& a, const Features& b, std::size_t i) {
 
 std::array<Plane, 3> toOpponent(std::span<const Vec3d> rgb) {
   std::array<Plane, 3> planes = {Plane(rgb.size()), Plane(rgb.size()), Plane(rgb.size())};
-  for (std::size_t i = 0; i < rgb.size(); ++i) {
+  forEachPixel(rgb.size(), [&](std::size_t i) {
     const Vec3d c = opponentFromRgb(rgb[i]);
     planes[0][i] = c.x, planes[1][i] = c.y, planes[2][i] = c.z;
-  }
+  });
   return planes;
 }
 
@@ -268,10 +277,10 @@ Plane flipMap(std::span<const Vec3d> reference, std::span<const Vec3d> test, Siz
   const Features t_features = detectFeatures(t[0], size, pixels_per_degree);
   const double largest = largestColorDistance();
   Plane map(size.count());
-  for (std::size_t i = 0; i < map.size(); ++i) {
+  forEachPixel(map.size(), [&](std::size_t i) {
     const double color = compressColorDistance(hyAb(r_colors[i], t_colors[i]), largest);
     map[i] = std::pow(color, 1 - featureDifference(r_features, t_features, i));
-  }
+  });
   return map;
 }
 
@@ -297,12 +306,11 @@ Size checkImages(std::span<const Vec3f> reference, std::span<const Vec3f> test, 
 }
 
 std::vector<Vec3d> mapValues(std::span<const Vec3f> pixels, auto&& curve) {
-  std::vector<Vec3d> mapped;
-  mapped.reserve(pixels.size());
-  for (const Vec3f& p : pixels)
-    mapped.emplace_back(std::clamp(curve(double(p.x)), 0.0, 1.0),
-                        std::clamp(curve(double(p.y)), 0.0, 1.0),
-                        std::clamp(curve(double(p.z)), 0.0, 1.0));
+  std::vector<Vec3d> mapped(pixels.size());
+  forEachPixel(pixels.size(), [&](std::size_t i) {
+    for (std::size_t c = 0; c < 3; ++c)
+      mapped[i][c] = std::clamp(curve(double(pixels[i][c])), 0.0, 1.0);
+  });
   return mapped;
 }
 

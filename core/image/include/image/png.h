@@ -12,7 +12,7 @@ namespace probelab {
 void writePng(const std::filesystem::path& path, const ByteImage& image);
 
 // Any PNG, converted to 8-bit sRGB over black. Throws InputError naming the file when it is
-// missing, damaged or larger than 2^28 pixels.
+// missing, damaged or larger than 2^26 pixels.
 ByteImage readPng(const std::filesystem::path& path);
 
 }  // namespace probelab
