@@ -5,7 +5,7 @@
   python3 scripts/count_tests.py build/release/tests.xml
 
 ctest calls both "skipped" and "could not be run" notrun. A test that skipped itself is known by the
-rule that matched, one that is switched off is disabled; every other test that did not run is a failure.
+rule that matched, one that is switched off is disabled; every other test that did not run failed.
 """
 import sys
 import xml.etree.ElementTree

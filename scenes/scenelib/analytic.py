@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes with a closed form or a long tradition: single sheets facing in, or no triangles at all."""
+"""Scenes with a closed form or a long tradition: sheets facing in, or no triangles at all."""
 from scenelib.blocks import Blocks, icosphere, rectangle
 from scenelib.files import gltf, lamp, material, toml
 
@@ -7,7 +7,7 @@ WHITE = (0.73, 0.73, 0.73)
 
 
 def cornell():
-    purpose = ("The classic box: an area light, two blocks, red and green walls that bleed onto both.\n"
+    purpose = ("The classic box: an area light, two blocks, red and green walls that bleed.\n"
                "Open at the front; evening sky comes in there in two of the three states.")
     box = Blocks("box")
     lo, hi = (-1.5, 0, -1.5), (1.5, 3, 1.5)
@@ -54,7 +54,8 @@ def furnace_purpose(albedo):
 
 def furnace():
     out = {}
-    for albedo, stem, scene in ((0.5, "furnace", "scene.toml"), (0.9, "furnace_090", "scene_090.toml")):
+    for albedo, stem, scene in ((0.5, "furnace", "scene.toml"),
+                                (0.9, "furnace_090", "scene_090.toml")):
         out.update(furnace_box(stem, albedo))
         out[scene] = toml(furnace_purpose(albedo), stem + ".gltf", seeds=[(0, 0, 0)],
                           cameras=[("inside", (-1.6, 0.2, 1.1), (1.2, -0.2, -0.8), 60)])
@@ -62,8 +63,8 @@ def furnace():
 
 
 def sphere_light():
-    purpose = ("A diffuse sphere (radius 2 by its area, albedo 0.6) around an off-centre point light.\n"
-               "Indirect irradiance is uniform on the wall: albedo / (1 - albedo) intensity / radius^2.")
+    purpose = ("A diffuse sphere (radius 2 by area, albedo 0.6) around an off-centre point light.\n"
+               "Indirect irradiance is uniform: albedo / (1 - albedo) intensity / radius^2.")
     out = gltf("sphere_light", purpose, [icosphere("sphere", "wall", 4, 2.0)],
                {"wall": material((0.6, 0.6, 0.6))}, lamps=[lamp("bulb", (0.9, 0.4, -0.6), 10.0)])
     out["scene.toml"] = toml(purpose, "sphere_light.gltf", seeds=[(0, 0, 0)],
@@ -72,7 +73,7 @@ def sphere_light():
 
 
 def linear_sky():
-    purpose = ("No triangles: a sky that changes linearly with direction, L(d) = radiance (1 + linear . d).\n"
+    purpose = ("No triangles: a sky linear in direction, L(d) = radiance (1 + linear . d).\n"
                "Irradiance is radiance (pi + (2 pi / 3) linear . n) everywhere.")
     return {"scene.toml": toml(
         purpose, sky={"radiance": (1.0, 0.8, 0.5), "linear": (0.3, 0.6, -0.4)},

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Watertight geometry from boxes.
 
-`Blocks` is a list of boxes filled with or carved out of nothing, in order. Their faces cut space into
-a non-uniform grid of solid and empty cells; the faces between the two are the mesh, split along the
-whole grid, so that no T-junction can arise. Columns replace part of a floor (and of a ceiling) by a
-ring of triangles around a polygon and stay part of the same closed mesh.
+`Blocks` is a list of boxes filled with or carved out of nothing, in order. Their faces cut space
+into a non-uniform grid of solid and empty cells; the faces between the two are the mesh, split
+along the whole grid, so that no T-junction can arise. Columns replace part of a floor (and of a
+ceiling) by a ring of triangles around a polygon and stay part of the same closed mesh.
 """
 import math
 
@@ -38,14 +38,16 @@ class Blocks:
         self.columns = []
 
     def fill(self, lo, hi, material, own=False):
-        """A solid box. With `own`, its faces keep this material whatever the space beside it says."""
+        """A solid box. With `own`, its faces keep this material whatever the space beside says."""
         self.operations.append((rounded(lo), rounded(hi), material, own, None))
 
     def carve(self, lo, hi, **paint):
-        """An empty box. `paint`: material of the surfaces that bound it, by the side of the box they
-        are on: west (-x), east (+x), floor (-y), ceiling (+y), north (-z), south (+z), or walls."""
+        """An empty box. `paint`: material of the surfaces that bound it, by the box's side that
+        they are on: west (-x), east (+x), floor (-y), ceiling (+y), north (-z), south (+z), or
+        walls for the upright ones that are not named."""
         sides = {}
-        for side, key in (("west", (0, -1)), ("east", (0, 1)), ("north", (2, -1)), ("south", (2, 1))):
+        for side, key in (("west", (0, -1)), ("east", (0, 1)), ("north", (2, -1)),
+                          ("south", (2, 1))):
             sides[key] = paint.get(side, paint.get("walls"))
         sides[(1, -1)] = paint.get("floor")
         sides[(1, 1)] = paint.get("ceiling")
@@ -56,9 +58,9 @@ class Blocks:
         self.patches.append((rounded(lo), rounded(hi), material))
 
     def column(self, lo, hi, polygon, rings, material):
-        """A column on the footprint lo..hi (x, z) from rings [(y, scale)] of `polygon`, points (x, z)
-        around the footprint's centre. It stands on the floor at the first ring's y and ends in the
-        ceiling at the last ring's y if there is one, else in a flat top."""
+        """A column on the footprint lo..hi (x, z) from rings [(y, scale)] of `polygon`, points
+        (x, z) around the footprint's centre. It stands on the floor at the first ring's y and ends
+        in the ceiling at the last ring's y if there is one, else in a flat top."""
         self.columns.append((rounded(lo), rounded(hi), polygon, rings, material))
 
     def cuts(self, axis):
@@ -71,7 +73,7 @@ class Blocks:
         return sorted(values)
 
     def cells(self, cuts):
-        """Cell index -> (material, own, paint of an empty one); the last box that covers it counts."""
+        """Cell index -> (material, own, paint of an empty one); the last box over it counts."""
         index = [{value: i for i, value in enumerate(axis)} for axis in cuts]
         cells = {}
         for lo, hi, material, own, sides in self.operations:
@@ -151,7 +153,7 @@ class Blocks:
                 mesh.add(material, loops[-1][0], loops[-1][i + 1], loops[-1][i])
 
     def ground_material(self, cuts, cells, lo, hi, y, side):
-        """The material of the floor (side -1) or ceiling (1) at height y over a footprint, or None."""
+        """The material of a footprint's floor (side -1) or ceiling (1) at height y, or None."""
         if y not in cuts[1]:
             return None
         i, k = cuts[0].index(lo[0]), cuts[2].index(lo[1])

@@ -33,7 +33,7 @@ def lamp(name, position, candela, color=(1.0, 1.0, 1.0)):
 
 
 def gltf(stem, purpose, meshes, materials, lamps=(), cameras=()):
-    """{file name: bytes} of stem.gltf and stem.bin. cameras: (name, position, target, fov degrees)."""
+    """{file name: bytes} of stem.gltf and .bin. cameras: (name, position, target, fov degrees)."""
     names = sorted({name for mesh in meshes for name in mesh.materials()})
     document = {"asset": {"version": "2.0", "generator": "scenes/generate.py",
                           "extras": {"purpose": purpose}},
@@ -120,7 +120,8 @@ def primitive(document, data, mesh, name, spec, material_index):
     rows = list(vertices)
     attributes = {"POSITION": add_accessor(document, data, [r[:3] for r in rows], "VEC3", FLOAT)}
     if uv_of:
-        attributes["TEXCOORD_0"] = add_accessor(document, data, [r[3:] for r in rows], "VEC2", FLOAT)
+        uvs = [r[3:] for r in rows]
+        attributes["TEXCOORD_0"] = add_accessor(document, data, uvs, "VEC2", FLOAT)
     kind = UINT16 if len(rows) < 65535 else UINT32
     index = add_accessor(document, data, [(i,) for i in indices], "SCALAR", kind)
     return {"attributes": attributes, "indices": index, "material": material_index}
@@ -152,7 +153,7 @@ def add_accessor(document, data, rows, shape, kind):
 
 
 def look_rotation(position, target):
-    """The quaternion (x, y, z, w) that turns a glTF camera (looking along -Z, +Y up) to a target."""
+    """The quaternion (x, y, z, w) that turns a glTF camera (along -Z, +Y up) to a target."""
     d = [b - a for a, b in zip(position, target)]
     yaw = math.atan2(-d[0], -d[2])
     pitch = math.atan2(d[1], math.hypot(d[0], d[2]))
@@ -190,8 +191,8 @@ def value_text(value):
 
 def toml(purpose, file_name=None, sky=None, lights=(), cameras=(), volume=None, seeds=(),
          flip=None, states=()):
-    """A scene TOML. cameras: (name, position, target, fov degrees); volume: (min, max); flip: (start,
-    stop); states: (name, split, {light: changes}, sky scale or None)."""
+    """A scene TOML. cameras: (name, position, target, fov degrees); volume: (min, max); flip:
+    (start, stop); states: (name, split, {light: changes}, sky scale or None)."""
     lines = ["# " + line for line in purpose.split("\n")]
     if file_name:
         lines.append("gltf = " + value_text(file_name))

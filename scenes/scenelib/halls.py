@@ -19,8 +19,8 @@ PILLAR = [(0.0, 1.35), (0.25, 1.35), (0.25, 1.22), (0.42, 1.18), (0.55, 1.0), (1
 
 
 def pillar_hall():
-    purpose = ("A hall of 21 round pillars, open to the sun on one side, with a skylight over the aisle.\n"
-               "Visibility changes everywhere: probes that reject too much darken it. Also the benchmark.")
+    purpose = ("A hall of 21 round pillars, open to the sun on one side, a skylight above.\n"
+               "Visibility changes everywhere: rejecting too much darkens it. Also the benchmark.")
     hall = Blocks("hall")
     hall.fill((-10.8, -0.4, -6.3), (10.8, 0, 6.6), "stone")
     hall.fill((-10.8, 0, -6.3), (10.8, 5.6, 6.6), "stone")
@@ -43,7 +43,8 @@ def pillar_hall():
                  ("north wall", (6.0, 1.7, 4.4), (-2.5, 1.9, -5.0), 60)],
         volume=((-10.78, -0.38, -6.28), (10.78, 5.58, 6.58)), seeds=[(-7.5, 1.5, -1.2)],
         states=[("afternoon", "train", None, None),
-                ("noon", "train", {"sun": {"direction": (-0.1, -0.85, -0.5), "intensity": 12}}, 1.1),
+                ("noon", "train", {"sun": {"direction": (-0.1, -0.85, -0.5), "intensity": 12}},
+                  1.1),
                 ("morning", "heldout", {"sun": {"direction": (-0.6, -0.35, -0.7), "intensity": 6,
                                                 "color": (1, 0.8, 0.6)}}, 0.6)])
     return out
@@ -64,7 +65,7 @@ def attic_warp(p):
 
 
 def acute_corner():
-    purpose = ("An attic whose roof meets the floor at 22 degrees, with an alcove whose walls meet at 33.\n"
+    purpose = ("An attic whose roof meets the floor at 22 degrees; an alcove with walls at 33.\n"
                "Probes near the edges are close to two surfaces at once, and biases have no room.")
     solid = Blocks("attic")
     solid.fill((-8.9, -0.25, -2.75), (4.9, 3.45, 2.75), "plaster")
@@ -95,7 +96,8 @@ def screen(x, y):
         return 0, 0, 0
     if y >= 24:
         return (int(5.4 * x),) * 3
-    bars = ((230, 230, 230), (230, 210, 40), (40, 200, 220), (50, 190, 60), (200, 60, 190), (210, 50, 40))
+    bars = ((230, 230, 230), (230, 210, 40), (40, 200, 220), (50, 190, 60), (200, 60, 190),
+            (210, 50, 40))
     return bars[x // 8]
 
 
@@ -104,8 +106,8 @@ def screen_uv(p, axis):
 
 
 def house():
-    """A hall of 12 x 6 x 8 m; west of it three closets of 1 m; east of it a pantry and a study, over
-    them an upper room that ten steps lead up to."""
+    """A hall of 12 x 6 x 8 m; west of it three closets of 1 m; east of it a pantry and a study,
+    over them an upper room that ten steps lead up to."""
     solid = Blocks("house")
     solid.fill((-1.4, -0.25, -0.25), (0, 2.5, 8.25), "facade")
     solid.fill((-0.2, -0.25, -0.25), (16.4, 6.25, 8.25), "facade")
@@ -132,7 +134,7 @@ def house():
 
 
 def mixed_scale():
-    purpose = ("A house: a hall of 12 m, closets of 1 m, stairs, a pantry, a study, an upper room.\n"
+    purpose = ("A house: a hall of 12 m, closets of 1 m, stairs, pantry, study, an upper room.\n"
                "No single spacing of probes suits all; large rooms waste what the small ones lack.")
     materials = {"facade": material((0.62, 0.6, 0.56)), "plaster": material((0.78, 0.76, 0.72)),
                  "boards": material((0.47, 0.33, 0.21)), "green": material((0.28, 0.45, 0.26)),
@@ -154,5 +156,6 @@ def mixed_scale():
         states=[("day", "train", {"lamp_hall": off()}, None),
                 ("evening", "train", {"sun": off(), "lamp_study": off()}, 0.05),
                 ("morning", "heldout", {"sun": {"direction": (0.45, -0.35, -0.7), "intensity": 7,
-                                                "color": (1, 0.85, 0.65)}, "lamp_hall": off()}, 0.7)])
+                                              "color": (1, 0.85, 0.65)},
+                                      "lamp_hall": off()}, 0.7)])
     return out

@@ -19,7 +19,7 @@ def off():
 
 def sealed_room():
     purpose = ("A room without any opening on a ground plane under sun and sky.\n"
-               "Not a photon gets in: inside, every bit of light that a probe field shows is a leak.")
+               "Not a photon gets in: inside, any light that a probe field shows is a leak.")
     solid = Blocks("ground and room")
     solid.fill((-9, -0.5, -9), (9, 0, 9), "ground")
     solid.fill((-3.3, 0, -2.8), (3.3, 3.3, 2.8), "plaster")
@@ -36,7 +36,8 @@ def sealed_room():
                  ("inside", (-2.6, 1.7, 2.1), (1.5, 0.9, -1), 65)],
         volume=((-9, -0.5, -9), (9, 5, 9)), seeds=[(-2, 1.5, 1.5), (4.2, 1.5, 6)], flip=(-2, 4),
         states=[("noon", "train", None, None),
-                ("morning", "train", {"sun": {"direction": (-0.8, -0.4, 0.45), "intensity": 7}}, 0.8),
+                ("morning", "train", {"sun": {"direction": (-0.8, -0.4, 0.45), "intensity": 7}},
+                  0.8),
                 ("evening", "heldout", {"sun": {"direction": (0.85, -0.3, -0.3), "intensity": 4}},
                  0.4)])
     return out
@@ -46,7 +47,7 @@ def thin_wall():
     out = {}
     for cm in (1, 2, 5, 10, 20, 50):
         purpose = ("Two closed rooms that share a wall of %d cm, one lit and one dark.\n"
-                   "The dark room's irradiance is exactly 0: how thin may a wall be before it leaks?" % cm)
+                   "The dark room's irradiance is exactly 0: how thin may a wall be?" % cm)
         half, stem = cm / 200, "thin_wall_%02dcm" % cm
         solid = Blocks("rooms")
         solid.fill((-half - 4.25, -0.25, -2.25), (half + 4.25, 2.85, 2.25), "plaster")
@@ -104,12 +105,13 @@ def planks(x, y):
     """Four planks of 16 texels with dark joints and a little grain."""
     plank, across = divmod(y, 16)
     joint = across == 0 or (x + 23 * plank) % 64 == 0
-    shade = (0.45 if joint else 1.0) * (0.86 + 0.04 * (plank * 5 % 4) + 0.02 * ((x * 7 + y * 13) % 3))
+    grain = 0.04 * (plank * 5 % 4) + 0.02 * ((x * 7 + y * 13) % 3)
+    shade = (0.45 if joint else 1.0) * (0.86 + grain)
     return tuple(int(c * shade) for c in (186, 142, 98))
 
 
 def sun_room():
-    purpose = ("A room with two windows: patches of sun on textured boards light the rest from below.\n"
+    purpose = ("A room with two windows: patches of sun on textured boards light it from below.\n"
                "The strongest contrast between direct and indirect light of all scenes.")
     solid = Blocks("room")
     solid.fill((-3.3, -0.3, -2.55), (3.3, 3.1, 2.55), "facade")
@@ -131,15 +133,16 @@ def sun_room():
                  ("windows", (-1.6, 1.5, -1.5), (0.8, 1.2, 2.3), 70)],
         volume=((-3.28, -0.28, -2.53), (3.28, 3.08, 2.53)), seeds=[(0, 1.5, 0.5)],
         states=[("noon", "train", None, None),
-                ("morning", "train", {"sun": {"direction": (0.55, -0.35, -0.6), "intensity": 7}}, 0.8),
+                ("morning", "train", {"sun": {"direction": (0.55, -0.35, -0.6), "intensity": 7}},
+                  0.8),
                 ("late", "heldout", {"sun": {"direction": (-0.75, -0.3, -0.5), "intensity": 4,
                                              "color": (1, 0.75, 0.5)}}, 0.5)])
     return out
 
 
 def corridor_l():
-    purpose = ("A corridor with a bend and a lamp at one end: the other end sees only light that has\n"
-               "bounced twice. The irradiance falls by orders of magnitude on the way.")
+    purpose = ("A corridor with a bend and a lamp at one end: the other gets only light that has\n"
+               "bounced. The irradiance falls by orders of magnitude on the way.")
     solid = Blocks("corridor")
     solid.fill((-0.2, -0.2, -0.2), (8.2, 2.7, 2.0), "plaster")
     solid.fill((6.2, -0.2, 2.0), (8.2, 2.7, 6.8), "plaster")

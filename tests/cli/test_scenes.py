@@ -28,7 +28,7 @@ def document(path):
 
 @functools.cache
 def meshes(path):
-    """{mesh name: triangles}, a triangle being three points. Nodes with meshes have no transform."""
+    """{mesh name: triangles}, a triangle being three points. Mesh nodes have no transform."""
     gltf = document(path)
     data = (path.parent / gltf["buffers"][0]["uri"]).read_bytes()
     assert len(data) == gltf["buffers"][0]["byteLength"]
@@ -86,7 +86,8 @@ def parts(triangles):
 
 
 def crossings_x(triangles, y, z):
-    """Where the line along x at (y, z) crosses triangles: sorted (x, +1 for a front seen from -x)."""
+    """Where the line along x at (y, z) crosses triangles: sorted (x, +1 for a front seen from -x,
+    else -1)."""
     found = []
     for a, b, c in triangles:
         if not (min(a[1], b[1], c[1]) <= y <= max(a[1], b[1], c[1])
@@ -104,8 +105,8 @@ def crossings_x(triangles, y, z):
 
 def fronts_ahead(triangles, point):
     """Fronts less backs on the way from a point along +x: 0 outside a solid, -1 inside it; sheets
-    that face in show one front more to who stands between them. The odd shifts keep the line off the
-    grid's own edges."""
+    that face in show one front more to who stands between them. The odd shifts keep the line off
+    the grid's own edges."""
     hits = crossings_x(triangles, point[1] + 1.234e-4, point[2] + 2.345e-4)
     return sum(side for x, side in hits if x > point[0])
 
@@ -190,7 +191,7 @@ class Geometry(unittest.TestCase):
                 self.assertAlmostEqual(inner_wall(triangles, y, z), cm / 100, delta=3e-8)
 
     def test_dark_rooms_are_sealed(self):
-        """Each cavity is a piece of surface of its own, with the room's volume less its furniture."""
+        """Each cavity is a piece of surface of its own: the room's volume less its furniture."""
         expected = {"sealed_room": [6 * 3 * 5 - 1.6 * 0.75 * 1.2]}
         for cm in WALLS_CM:
             rooms = [4 * 2.6 * 4 - 1.0 * 0.9 * 1.0, 4 * 2.6 * 4 - 1.2 * 0.5 * 1.2]
