@@ -51,7 +51,7 @@ Defines queryDefines(const Params& params) {
 
 // Probes a batch holds: the working set and the largest buffer bound its rays.
 uint32_t probesPerBatch(const GpuContext& context, const Scene& scene, const Params& params,
-                        const ProbeLayout& layout, const FieldOptions& options) {
+                        const ProbeLayout& layout, const FieldSettings& options) {
   const uint64_t rays = static_cast<uint64_t>(params.rays);
   const uint64_t by_set = options.working_set_bytes / rayBytes(!scene.lights.empty());
   const uint64_t by_range = context.info().max_storage_buffer_range / sizeof(RaySurface);
@@ -70,7 +70,7 @@ GpuBuffer uploadConstants(GpuContext& context, const ProbeLayout& layout, const 
 
 ProbeField::ProbeField(GpuContext& context, const Scene& scene, const EmbreeScene& embree,
                        const ProbeLayout& layout, const Params& params,
-                       const FieldOptions& options)
+                       const FieldSettings& options)
     : context_(context),
       layout_((validateParams(params), validateLayout(layout, params), layout)),
       params_(params),

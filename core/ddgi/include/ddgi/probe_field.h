@@ -20,7 +20,7 @@
 
 namespace probelab {
 
-struct FieldOptions {
+struct FieldSettings {
   uint64_t seed = 0;
   TracerKind tracer = TracerKind::automatic;
   uint64_t working_set_bytes = uint64_t{256} << 20;  // of the buffers of one batch
@@ -45,7 +45,7 @@ class ProbeField {
  public:
   // `scene` may be dropped afterwards; context and embree must outlive the field.
   ProbeField(GpuContext& context, const Scene& scene, const EmbreeScene& embree,
-             const ProbeLayout& layout, const Params& params, const FieldOptions& options);
+             const ProbeLayout& layout, const Params& params, const FieldSettings& options);
 
   ProbeField(const ProbeField&) = delete;
   ProbeField& operator=(const ProbeField&) = delete;
@@ -75,7 +75,7 @@ class ProbeField {
   Counters counters() const { return counters_; }  // since construction
   const ProbeLayout& layout() const { return layout_; }
   const Params& params() const { return params_; }
-  const FieldOptions& options() const { return options_; }
+  const FieldSettings& options() const { return options_; }
   const std::string& tracerName() const { return batch_.tracerName(); }
   WorkCounts workOfUpdate() const;
   uint64_t atlasBytes() const;  // one copy of both atlases
@@ -104,7 +104,7 @@ class ProbeField {
   GpuContext& context_;
   ProbeLayout layout_;
   Params params_;
-  FieldOptions options_;
+  FieldSettings options_;
   uint32_t probes_per_batch_;
   RayBatch batch_;
   StageRecorder recorder_;

@@ -32,7 +32,7 @@ using UpdateCallback = std::function<void(int done, int total)>;
 // geometric one and its end can be told from noise; then updates with new directions each, first
 // until the burn-in's own error has shrunk to a tenth, then `average` of them for the mean in linear
 // irradiance, while the moments are averaged from the first new direction on. The field must be
-// fresh and have FieldOptions::accumulate. An update is unbiased given the one before (linear
+// fresh and have FieldSettings::accumulate. An update is unbiased given the one before (linear
 // averaging of probes), so the mean is too.
 ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
                              const UpdateCallback& on_update = {});
