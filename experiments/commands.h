@@ -7,9 +7,12 @@ namespace probelab {
 class Program;
 
 void addInfoCommand(Program& program);
+void addInitCommand(Program& program);
 void addCheckCommand(Program& program);
 void addReferenceCommand(Program& program);
 void addReceiversCommand(Program& program);
+void addRenderCommand(Program& program);
+void addEvaluateCommand(Program& program);
 void addCompareCommand(Program& program);
 
 }  // namespace probelab

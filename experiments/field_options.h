@@ -5,8 +5,9 @@
 
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
+
+#include "ddgi/params.h"
 
 namespace CLI {
 class App;
@@ -14,8 +15,10 @@ class App;
 
 namespace probelab {
 
+inline constexpr int kDefaultAveraged = 64;   // --updates when converged
+inline constexpr int kDefaultTemporal = 256;  // --updates when temporal
+
 struct FieldOptions {
-  std::string layout;  // a layout JSON; empty: made by `strategy`
   std::string strategy = "grid";
   int probes = 512;                // at most that many own texels
   std::string lattice = "free";    // free: the box of the reachable free space | bounds
@@ -29,7 +32,7 @@ struct FieldOptions {
 
 void addFieldOptions(CLI::App& app, FieldOptions& options);
 
-// "key=value" -> {key, value}, both non-empty. Throws InputError.
-std::pair<std::string, std::string> splitSetting(const std::string& text);
+// --params with --rays and then every --set over it. Throws InputError.
+Params resolveParams(const FieldOptions& options);
 
 }  // namespace probelab

@@ -6,9 +6,12 @@
 int main(int argc, char** argv) {
   probelab::Program program;
   probelab::addInfoCommand(program);
+  probelab::addInitCommand(program);
   probelab::addCheckCommand(program);
   probelab::addReferenceCommand(program);
   probelab::addReceiversCommand(program);
+  probelab::addRenderCommand(program);
+  probelab::addEvaluateCommand(program);
   probelab::addCompareCommand(program);
   return program.run(argc, argv);
 }

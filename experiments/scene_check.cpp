@@ -5,17 +5,15 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <numbers>
 
 #include "base/error.h"
+#include "scene/init.h"
 
 namespace probelab {
 namespace {
 
 // As the default bounds are: a box grown by 1 % of its diagonal, so that the walls are inside.
 constexpr double kVolumeMargin = 0.01;
-constexpr int kViewDirections = 64;
 
 Box3d worldBox(const Scene& scene, const Box3f& box) {
   return {toWorld(scene, box.min), toWorld(scene, box.max)};
@@ -61,9 +59,7 @@ void warnOfMesh(const MeshReport& mesh, std::vector<std::string>& warnings) {
 
 void warnOfLight(const Scene& scene, const SceneFeatures& features,
                  std::vector<std::string>& warnings) {
-  const bool lit = features.emission || features.sky || features.directional_lights ||
-                   features.point_lights || features.spot_lights;
-  if (!lit)
+  if (isUnlit(scene) && !features.sky)
     warnings.push_back(
         "nothing emits light: no light, no emissive material, no sky; 'probelab "
         "init' writes a scene TOML with a sun and a sky");
@@ -141,30 +137,15 @@ SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree) {
   return check;
 }
 
-std::optional<CameraPlace> findCameraPlace(const EmbreeScene& embree,
-                                           const Reachability& reachability) {
-  int best = -1;
-  for (std::size_t i = 0; i < reachability.regions.size() && best < 0; ++i)
-    if (reachability.regions[i].reachable) best = static_cast<int>(i);
-  const int cell = best < 0 ? -1 : deepestCell(reachability, best);
-  if (cell < 0) return std::nullopt;
-  CameraPlace place;
-  place.position = reachability.cellCenter(cell);
-  const float far = length(reachability.bounds.max - reachability.bounds.min);
-  float longest = -1;
-  for (int i = 0; i < kViewDirections; ++i) {
-    const double angle = 2 * std::numbers::pi * i / kViewDirections;
-    const Vec3f direction(Vec3d(std::cos(angle), 0, std::sin(angle)));
-    Ray ray;
-    ray.origin = place.position, ray.t_min = 0, ray.direction = direction, ray.t_max = far;
-    const Hit hit = embree.closest(ray);
-    const float distance = hit.primitive != kNoHit ? hit.t : 0.5f * far;
-    if (distance > longest) {
-      longest = distance;
-      place.target = place.position + direction * distance;
-    }
-  }
-  return place;
+std::optional<Vec3f> findCameraPosition(const Scene& scene, const Reachability& reachability) {
+  const Vec3f middle = toLocal(scene, defaultCameraPosition(scene));
+  const int32_t cell = reachability.cellAt(middle);
+  const int32_t region = cell < 0 ? kOccupiedCell : reachability.cell_region[cell];
+  if (region >= 0 && reachability.regions[region].reachable) return middle;
+  for (std::size_t i = 0; i < reachability.regions.size(); ++i)
+    if (reachability.regions[i].reachable)
+      return reachability.cellCenter(deepestCell(reachability, static_cast<int>(i)));
+  return std::nullopt;
 }
 
 }  // namespace probelab

@@ -26,13 +26,9 @@ struct SceneCheck {
 
 SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree);
 
-struct CameraPlace {
-  Vec3f position, target;  // local coordinates
-};
-
-// In the reachable region with the most cells: the cell farthest from any wall, looking the way the
-// view is longest at its height. Empty without free space.
-std::optional<CameraPlace> findCameraPlace(const EmbreeScene& embree,
-                                           const Reachability& reachability);
+// Where a person would put a camera, in local coordinates: eye level in the middle of the geometry
+// if that is reachable free space, else the place in the largest reachable region that is farthest
+// from any wall. Empty without free space.
+std::optional<Vec3f> findCameraPosition(const Scene& scene, const Reachability& reachability);
 
 }  // namespace probelab

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bad input: one clear line that names file and element, the exit code, and nothing half-written."""
 import math
+import signal
+import subprocess
+import time
 import unittest
 
-from support import CliTest, ROOM_CORNERS, write_glb
+from support import CliTest, PROGRAM, ROOM_CORNERS, write_glb
 
 SCENE = 'gltf = "room.glb"\n'
 
@@ -105,6 +108,23 @@ class BadOutputs(CliTest):
         (self.folder / "file").write_text("")
         self.assert_refused("receivers", "room.glb", "-o", "r.json", "--cache", "file/cache",
                             words=("file/cache",))
+
+
+class Interrupts(CliTest):
+    def test_leaves_nothing_behind(self):
+        write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
+        for signal_number in (signal.SIGINT, signal.SIGTERM):
+            with self.subTest(signal=signal_number):
+                process = subprocess.Popen(
+                    [PROGRAM, "reference", "room.glb", "-o", "r.exr", "--seconds", "600"],
+                    cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+                time.sleep(1.5)
+                process.send_signal(signal_number)
+                out, err = process.communicate(timeout=60)
+                self.assertEqual(process.returncode, 130, err)
+                self.assertEqual(out, "")
+                self.assertEqual(err.splitlines()[-1], "probelab: interrupted")
+                self.assertEqual(self.files(), ["room.glb"])
 
 
 class NoDevice(CliTest):

@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// `probelab evaluate`: errors, leaks, speed, work and memory of a probe field against path tracing.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/build_info.h"
+#include "base/files.h"
+#include "commands.h"
+#include "device.h"
+#include "evaluation.h"
+#include "field_setup.h"
+#include "require.h"
+#include "table.h"
+#include "truth.h"
+
+namespace probelab {
+namespace {
+
+struct EvaluateOptions {
+  SceneOptions scene;
+  FieldOptions field;
+  TruthOptions truth;
+  std::string receivers, split = "heldout", dump;
+  std::vector<std::string> require;
+};
+
+Json workJson(const WorkCounts& work) {
+  return {{"rays", work.rays},
+          {"shadow_rays", work.shadow_rays},
+          {"texel_ray_products", work.texel_ray_products},
+          {"resolve_taps", work.resolve_taps}};
+}
+
+Json stabilityJson(const Counters& counters) {
+  return {{"non_finite", counters.non_finite_rays},
+          {"clamped", counters.clamped_texels},
+          {"fallback_queries", counters.fallback_queries},
+          {"tiny_weight_sum", counters.tiny_weight_sums}};
+}
+
+Json convergedJson(const std::optional<ConvergeReport>& report) {
+  if (!report) return nullptr;
+  return {{"burn_in_updates", report->burn_in_updates}, {"mixing_updates", report->mixing_updates},
+          {"average_updates", report->average_updates}, {"settled", report->settled},
+          {"contraction", report->contraction},         {"remaining", report->remaining}};
+}
+
+Json receiversJson(const EvaluateOptions& options, const Receivers& receivers, bool from_cache) {
+  return {{"count", receivers.points.size()},
+          {"split", options.split},
+          {"file", options.receivers.empty() ? Json(nullptr) : Json(options.receivers)},
+          {"samples", receivers.samples},
+          {"rel_error", receivers.rel_error},
+          {"seconds", receivers.seconds},
+          {"from_cache", from_cache}};
+}
+
+Json describe(const EvaluateOptions& options, FieldSetup& setup, const FieldRun& run) {
+  const ProbeField& field = *setup.field;
+  return {{"scene", setup.scene.name},
+          {"state", setup.scene.state},
+          {"strategy", field.layout().strategy},
+          {"lattice",
+           {field.layout().lattice.count.x, field.layout().lattice.count.y,
+            field.layout().lattice.count.z}},
+          {"probes", {{"stored", field.probeCount()}, {"active", field.probeCount()}}},
+          {"params", toJson(setup.params)},
+          {"mode", options.field.mode},
+          {"error", nullptr},
+          {"speed", nullptr},
+          {"work", workJson(field.workOfUpdate())},
+          {"layout_build_s", field.layout().build_s},
+          {"memory_bytes", field.atlasBytes() + indexBytes(field.layout())},
+          {"updates", run.updates},
+          {"converged", convergedJson(run.converged)},
+          {"temporal", nullptr},
+          {"stability", nullptr},
+          {"device", setup.gpu.info().name},
+          {"tracer", field.tracerName()},
+          {"seed", field.options().seed},
+          {"version", buildInfo().version}};
+}
+
+void printErrors(const Json& error) {
+  TextTable table({"error", "all", "noise floor", "surface", "volume"});
+  const auto cell = [](const Json& from, const std::string& name) {
+    if (from.is_null() || from[name].is_null()) return std::string("-");
+    return formatNumber(from[name].get<double>());
+  };
+  for (const auto& [name, floor] : error["noise_floor"].items())
+    if (!floor.is_array())
+      table.addRow({name, cell(error, name), cell(error["noise_floor"], name),
+                    cell(error["surface"], name), cell(error["volume"], name)});
+  fmt::print("\n{}", table.text());
+}
+
+void printSpeed(const Json& speed) {
+  TextTable table({"time", "median", "p5", "p95"});
+  for (const auto& [name, range] : speed["spread"].items())
+    table.addRow({name, formatNumber(speed[name].get<double>()),
+                  formatNumber(range[0].get<double>()), formatNumber(range[1].get<double>())});
+  fmt::print("\n{}", table.text());
+  fmt::print("{}", formatFields({{"frame_ms", formatNumber(speed["frame_ms"].get<double>()) +
+                                                  "  (an update and 1920 x 1080 queries)"}}));
+}
+
+void printResult(const Json& r) {
+  fmt::print(
+      "{}",
+      formatFields(
+          {{"scene",
+            fmt::format("{}, {}", r["scene"].get<std::string>(), r["state"].get<std::string>())},
+           {"probes", fmt::format("{} stored, {} of {} x {} x {}", r["probes"]["stored"].get<int>(),
+                                  r["strategy"].get<std::string>(), r["lattice"][0].get<int>(),
+                                  r["lattice"][1].get<int>(), r["lattice"][2].get<int>())},
+           {"parameters", r["params"]["name"].get<std::string>()},
+           {"run",
+            fmt::format("{}, {} updates", r["mode"].get<std::string>(), r["updates"].get<int>())},
+           {"device", fmt::format("{}, tracer {}", r["device"].get<std::string>(),
+                                  r["tracer"].get<std::string>())},
+           {"receivers", fmt::format("{}, scored: {}", r["receivers"]["count"].get<int>(),
+                                     r["receivers"]["split"].get<std::string>())},
+           {"memory", formatBytes(r["memory_bytes"].get<double>())}}));
+  printErrors(r["error"]);
+  printSpeed(r["speed"]);
+  const Json& s = r["stability"];
+  fmt::print("\nstability  {} non-finite, {} clamped, {} fallback queries, {} tiny weight sums\n",
+             s["non_finite"].dump(), s["clamped"].dump(), s["fallback_queries"].dump(),
+             s["tiny_weight_sum"].dump());
+}
+
+Truth loadTruth(const EvaluateOptions& options, const FieldSetup& setup,
+                const Invocation& invocation) {
+  if (!options.receivers.empty()) return {readReceivers(options.receivers, setup.scene), false};
+  return obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation);
+}
+
+void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
+  const ScoredSplit split = parseScoredSplit(options.split);
+  if (!options.dump.empty()) checkOutput(options.dump, ".csv");
+  FieldSetup setup(options.scene, options.field, invocation);
+  const Truth truth = loadTruth(options, setup, invocation);
+  ProbeField& field = *setup.field;
+  const bool temporal = options.field.mode == "temporal";
+  TemporalRecord record(field, truth.receivers, split);
+  const FieldRun run = runField(field, options.field, invocation, [&](int done, int total) {
+    if (temporal) record.add(done, total);
+  });
+  const Counters before = field.counters();
+  const std::vector<Vec3f> estimates = queryReceivers(field, truth.receivers);
+  Json result = describe(options, setup, run);
+  result["receivers"] = receiversJson(options, truth.receivers, truth.from_cache);
+  result["error"] = toJson(scoreEstimates(estimates, truth.receivers, split));
+  result["stability"] = stabilityJson(field.counters());
+  result["stability"]["receiver_fallback_queries"] =
+      field.counters().fallback_queries - before.fallback_queries;
+  result["speed"] = measureSpeed(field, run, truth.receivers);
+  if (temporal) result["temporal"] = record.toJson();
+  result["provenance"] = toJson(setup.provenance);
+  requireNoValidationMessages(setup.gpu);
+
+  if (!options.dump.empty())
+    writeTextFile(options.dump, formatEstimates(estimates, truth.receivers, setup.scene));
+  if (invocation.common.json)
+    printJson(result);
+  else
+    printResult(result);
+  checkRequirements(options.require, result);
+}
+
+}  // namespace
+
+void addEvaluateCommand(Program& program) {
+  auto options = std::make_shared<EvaluateOptions>();
+  CLI::App& app = program.addCommand(
+      "evaluate", "errors, leaks and speed of a probe field against path tracing",
+      "probelab evaluate scenes/cornell/scene.toml --params rtxgi --require 'nrmse<=0.1'",
+      [options](const Invocation& invocation) { runEvaluate(*options, invocation); });
+  addSceneOptions(app, options->scene, false);
+  addFieldOptions(app, options->field);
+  app.add_option("--receivers", options->receivers,
+                 "receivers with truth, as 'probelab receivers' writes (default: traced, or from "
+                 "the cache)")
+      ->type_name("R.json")
+      ->group("Receivers");
+  app.add_option("--split", options->split,
+                 "receivers that are scored: heldout, train (those for fitting) or all")
+      ->type_name("PART")
+      ->check(CLI::IsMember({"heldout", "train", "all"}).description(""))
+      ->capture_default_str()
+      ->group("Receivers");
+  addTruthOptions(app, options->truth);
+  app.add_option("--dump", options->dump,
+                 "every receiver with estimate and truth (irradiance; metres)")
+      ->type_name("EST.csv")
+      ->group("Output");
+  addRequireOption(app, options->require);
+}
+
+}  // namespace probelab

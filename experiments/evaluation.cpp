@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "evaluation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/timer.h"
+
+namespace probelab {
+namespace {
+
+constexpr std::size_t kTimedPoints = 65536;  // enough that the dispatch itself does not count
+constexpr int kTimedQueries = 9;
+constexpr int kFlickerWindow = 32;
+
+std::vector<QueryPoint> queryPoints(const Receivers& receivers) {
+  std::vector<QueryPoint> points;
+  points.reserve(receivers.points.size());
+  for (const Receiver& r : receivers.points) points.push_back({r.position, r.normal, r.view});
+  return points;
+}
+
+bool isScored(const Receiver& receiver, ScoredSplit split) {
+  if (split == ScoredSplit::all) return true;
+  return (receiver.split == Split::heldout) == (split == ScoredSplit::heldout);
+}
+
+Json metricsJson(const ErrorMetrics& metrics) {
+  Json json;
+  for (const auto& [name, value] : namedMetrics(metrics))
+    json[std::string(name)] = optionalNumber(value);
+  Json nrmse_rgb = Json::array(), bias_rgb = Json::array();
+  for (const auto& value : metrics.nrmse_rgb) nrmse_rgb.push_back(optionalNumber(value));
+  for (const auto& value : metrics.bias_rgb) bias_rgb.push_back(optionalNumber(value));
+  json["nrmse_rgb"] = nrmse_rgb;
+  json["bias_rgb"] = bias_rgb;
+  return json;
+}
+
+Json kindJson(const std::optional<ErrorMetrics>& metrics,
+              const std::optional<ErrorMetrics>& noise_floor) {
+  if (!metrics) return nullptr;
+  Json json = metricsJson(*metrics);
+  json["noise_floor"] = noise_floor ? metricsJson(*noise_floor) : Json(nullptr);
+  return json;
+}
+
+double luminance(const Vec3f& v) { return 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z; }
+
+}  // namespace
+
+ScoredSplit parseScoredSplit(const std::string& name) {
+  if (name == "heldout") return ScoredSplit::heldout;
+  if (name == "train") return ScoredSplit::train;
+  if (name == "all") return ScoredSplit::all;
+  throwInput("--split {}: it is heldout, train or all", name);
+}
+
+std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers) {
+  const std::vector<Vec4f> answers = field.query(queryPoints(receivers));
+  std::vector<Vec3f> estimates(answers.size());
+  for (std::size_t i = 0; i < answers.size(); ++i) {
+    estimates[i] = {answers[i].x, answers[i].y, answers[i].z};
+    if (!isFinite(estimates[i]))
+      throw NumericalError(
+          fmt::format("query: the field's answer at receiver {} is not finite", i));
+  }
+  return estimates;
+}
+
+ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                           ScoredSplit split) {
+  std::vector<Vec3f> estimate, a, b, position;
+  std::vector<float> area;
+  std::vector<int> region, kind;
+  bool has_kinds = true;
+  for (std::size_t i = 0; i < receivers.points.size(); ++i) {
+    const Receiver& r = receivers.points[i];
+    if (!isScored(r, split)) continue;
+    estimate.push_back(estimates[i]), a.push_back(r.a), b.push_back(r.b);
+    position.push_back(r.position), area.push_back(static_cast<float>(r.area));
+    region.push_back(r.region);
+    kind.push_back(r.kind == ReceiverKind::surface ? kSurfaceReceiver : kVolumeReceiver);
+    has_kinds = has_kinds && r.kind != ReceiverKind::point;
+  }
+  if (estimate.empty())
+    throwInput(
+        "no receiver is in the part of --split; take more of them with --count, or --split "
+        "all");
+  if (!has_kinds) kind.clear();
+  return computeErrors({.estimate = estimate,
+                        .a = a,
+                        .b = b,
+                        .position = position,
+                        .area = area,
+                        .region = region,
+                        .kind = kind});
+}
+
+Json toJson(const ErrorReport& report) {
+  Json json = metricsJson(report.all);
+  json["noise_floor"] = metricsJson(report.noise_floor);
+  json["surface"] = kindJson(report.surface, report.surface_noise_floor);
+  json["volume"] = kindJson(report.volume, report.volume_noise_floor);
+  json["mean_reference"] = report.mean_reference;
+  json["resolved"] = Json::object();
+  const auto values = namedMetrics(report.all), floors = namedMetrics(report.noise_floor);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    json["resolved"][std::string(values[i].first)] = isResolved(values[i].second, floors[i].second);
+  return json;
+}
+
+Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& receivers) {
+  Json speed, spread;
+  const auto add = [&](const std::string& name, const TimeSummary& times, double factor) {
+    speed[name] = times.median * factor;
+    spread[name] = {times.p5 * factor, times.p95 * factor};
+    return times.median * factor;
+  };
+  const double update_ms = add("update_ms", summarizeTimes(afterWarmUp(run.update_ms)), 1);
+  double trace_ms = 0;
+  for (const char* stage : {"generate", "trace", "shade", "occlude", "resolve", "blend"}) {
+    const auto found = run.stage_ms.find(stage);
+    const TimeSummary times =
+        found == run.stage_ms.end() ? TimeSummary{} : summarizeTimes(afterWarmUp(found->second));
+    const double median = add(std::string(stage) + "_ms", times, 1);
+    if (std::string(stage) == "trace") trace_ms = median;
+  }
+  const std::vector<QueryPoint> once = queryPoints(receivers);
+  std::vector<QueryPoint> points;
+  while (points.size() < kTimedPoints && !once.empty())
+    points.insert(points.end(), once.begin(), once.end());
+  const double per_point = 1e6 / static_cast<double>(points.size());
+  const double query_ns =
+      add("query_ns_per_point", summarizeTimes(field.timeQuery(points, kTimedQueries)), per_point);
+  speed["frame_ms"] = update_ms + query_ns * 2073600 * 1e-6;
+  speed["rays_per_s"] = optionalNumber(
+      trace_ms > 0
+          ? std::optional<double>(static_cast<double>(field.workOfUpdate().rays) / trace_ms * 1e3)
+          : std::nullopt);
+  speed["spread"] = spread;
+  return speed;
+}
+
+std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                            const Scene& scene) {
+  std::string csv =
+      "index,x,y,z,nx,ny,nz,kind,region,split,area,"
+      "est_r,est_g,est_b,a_r,a_g,a_b,b_r,b_g,b_b\n";
+  for (std::size_t i = 0; i < receivers.points.size(); ++i) {
+    const Receiver& r = receivers.points[i];
+    const Vec3d p = toWorld(scene, r.position);
+    const Vec3f& e = estimates[i];
+    csv += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", i, p.x, p.y,
+                       p.z, r.normal.x, r.normal.y, r.normal.z, receiverKindName(r.kind), r.region,
+                       r.split == Split::heldout ? "heldout" : "train", r.area, e.x, e.y, e.z,
+                       r.a.x, r.a.y, r.a.z, r.b.x, r.b.y, r.b.z);
+  }
+  return csv;
+}
+
+void TemporalRecord::add(int done, int total) {
+  const bool checkpoint = done == 1 || done == 4 || done == 16 || done == 64;
+  const bool in_window = total >= kFlickerWindow && done > total - kFlickerWindow;
+  if (!checkpoint && !in_window) return;
+  const std::vector<Vec3f> estimates = queryReceivers(field_, receivers_);
+  if (checkpoint)
+    nrmse_after_.emplace_back(done, scoreEstimates(estimates, receivers_, split_).all.nrmse);
+  if (!in_window) return;
+  sum_.resize(estimates.size()), sum_of_squares_.resize(estimates.size());
+  for (std::size_t i = 0; i < estimates.size(); ++i) {
+    const double l = luminance(estimates[i]);
+    sum_[i] += l, sum_of_squares_[i] += l * l;
+  }
+  ++window_;
+}
+
+Json TemporalRecord::toJson() const {
+  Json json = {{"nrmse_after", Json::object()}, {"flicker", nullptr}};
+  for (const auto& [updates, nrmse] : nrmse_after_)
+    json["nrmse_after"][std::to_string(updates)] = optionalNumber(nrmse);
+  double flicker = 0, weight = 0;
+  for (std::size_t i = 0; i < sum_.size(); ++i) {
+    const double mean = sum_[i] / window_;
+    if (!(mean > 0) || !isScored(receivers_.points[i], split_)) continue;
+    const double variance = std::max(0.0, sum_of_squares_[i] / window_ - mean * mean);
+    flicker += receivers_.points[i].area * std::sqrt(variance) / mean;
+    weight += receivers_.points[i].area;
+  }
+  if (weight > 0) json["flicker"] = flicker / weight;
+  return json;
+}
+
+}  // namespace probelab

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Scores a field at receivers and puts everything that is known about it under its fixed names.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "ddgi/probe_field.h"
+#include "field_setup.h"
+#include "json.h"
+#include "metrics/error.h"
+#include "trace/receivers.h"
+
+namespace probelab {
+
+// Which receivers count: held-out ones in published numbers, train ones for fitting.
+enum class ScoredSplit { heldout, train, all };
+ScoredSplit parseScoredSplit(const std::string& name);  // throws InputError
+
+// The field's irradiance at every receiver, [receiver].
+std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers);
+
+// Errors over the receivers of the split. Throws InputError when there are none.
+ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                           ScoredSplit split);
+
+// "error": the names of DESIGN section 6, noise_floor, surface, volume, resolved.
+Json toJson(const ErrorReport& report);
+
+// "speed": medians in ms, with p5 and p95 under "spread".
+Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& receivers);
+
+// CSV: index,x,y,z,nx,ny,nz,kind,region,split,area,est_r..b,a_r..b,b_r..b in world coordinates.
+std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                            const Scene& scene);
+
+// Follows a temporal run: errors after 1, 4, 16 and 64 updates from black, and flicker.
+class TemporalRecord {
+ public:
+  TemporalRecord(ProbeField& field, const Receivers& receivers, ScoredSplit split)
+      : field_(field), receivers_(receivers), split_(split) {}
+  void add(int done, int total);
+  // {"nrmse_after": {"1": ...}, "flicker": mean over receivers of sigma / mu of luminance over the
+  // last 32 updates, by area, or null when fewer were run}.
+  Json toJson() const;
+
+ private:
+  ProbeField& field_;
+  const Receivers& receivers_;
+  ScoredSplit split_;
+  std::vector<std::pair<int, std::optional<double>>> nrmse_after_;
+  std::vector<double> sum_, sum_of_squares_;  // of luminance, [receiver]
+  int window_ = 0;
+};
+
+}  // namespace probelab

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "field_setup.h"
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "base/progress.h"
+#include "device.h"
+#include "placement/strategy.h"
+
+namespace probelab {
+namespace {
+
+constexpr std::size_t kWarmUpUpdates = 2;
+
+ProbeLayout makeLayout(const FieldSetup& setup, const FieldOptions& options, uint64_t seed) {
+  const PlacementInput input = {
+      .scene = setup.scene,
+      .embree = setup.embree,
+      .reachability = setup.reachability,
+      .probes = options.probes,
+      .seed = seed,
+      .box = options.lattice == "bounds" ? LatticeBox::bounds : LatticeBox::free_space};
+  return placeProbes(options.strategy, input);
+}
+
+}  // namespace
+
+FieldSetup::FieldSetup(const SceneOptions& scene_options, const FieldOptions& options,
+                       const Invocation& invocation)
+    : params(resolveParams(options)),
+      scene(loadScene(scene_options, invocation)),
+      provenance(makeProvenance(invocation, scene)),
+      embree(scene),
+      gpu(openDevice(invocation, provenance)),
+      reachability(findReachable(scene, embree)) {
+  const uint64_t seed = invocation.common.seed;
+  FieldSettings settings;
+  settings.seed = seed;
+  settings.tracer = parseTracer(options.tracer);
+  settings.accumulate = options.mode == "converged";
+  field = std::make_unique<ProbeField>(gpu, scene, embree, makeLayout(*this, options, seed), params,
+                                       settings);
+  provenance.tracer = field->tracerName();
+}
+
+FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocation& invocation,
+                  const UpdateCallback& on_update) {
+  FieldRun run;
+  std::unique_ptr<Progress> progress;  // once the number of updates is known
+  const auto record = [&](int done, int total) {
+    run.updates = done;
+    run.update_ms.push_back(field.updateWallMs());
+    for (const auto& [stage, ms] : field.updateStages()) run.stage_ms[stage].push_back(ms);
+    if (total > 0 && !progress)
+      progress = std::make_unique<Progress>("field", total, invocation.common.quiet);
+    if (progress) progress->update(done);
+    if (on_update) on_update(done, total);
+  };
+  if (options.mode == "temporal") {
+    runTemporal(field, options.updates.value_or(kDefaultTemporal), record);
+  } else {
+    ConvergeOptions converge;
+    converge.average = options.updates.value_or(kDefaultAveraged);
+    run.converged = convergeField(field, converge, record);
+    if (!run.converged->settled)
+      note(invocation, "warning: the bounce series has not settled after {} updates",
+           run.converged->burn_in_updates);
+  }
+  return run;
+}
+
+std::vector<double> afterWarmUp(const std::vector<double>& times) {
+  const std::size_t skip = times.size() > 2 * kWarmUpUpdates ? kWarmUpUpdates : 0;
+  return {times.begin() + static_cast<std::ptrdiff_t>(skip), times.end()};
+}
+
+Json toJson(const Params& params) {
+  Json json = {{"name", params.name}};
+  std::istringstream lines(describeParams(params));
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t equals = line.find(" = ");
+    // Numbers, truth values and quoted names are written alike in TOML and JSON.
+    if (equals != std::string::npos)
+      json[line.substr(0, equals)] = Json::parse(line.substr(equals + 3));
+  }
+  return json;
+}
+
+}  // namespace probelab
