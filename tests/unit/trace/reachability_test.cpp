@@ -154,12 +154,15 @@ TEST(Reachability, FlatBoundsAreAnError) {
 }
 
 TEST(WallThickness, IsTheThinnestWallOfARoom) {
-  SceneBuilder builder = twoRooms(false);
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f));
+  builder.shell(Vec3f(-2, 0, -1), Vec3f(2, 3, 1), 0.1f, m, m);
+  builder.shell(Vec3f(5, 0, -1), Vec3f(6, 3, 1), 0.02f, m, m);
   const Scene scene = builder.finish();
   const WallThickness w = measureWallThickness(scene, EmbreeScene(scene));
   EXPECT_TRUE(w.has_walls);
-  EXPECT_NEAR(w.thinnest_m, 0.2f, 1e-4f);
-  // Behind the inner faces where the divider stands there is the outer wall: no sheets anywhere.
+  EXPECT_NEAR(w.thinnest_m, 0.02f, 1e-5f);
+  EXPECT_GT(w.place.x, 4.9f);
   EXPECT_EQ(w.sheet_share, 0);
 }
 
