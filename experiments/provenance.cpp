@@ -38,7 +38,8 @@ Json toJson(const Provenance& p) {
 
 std::vector<std::pair<std::string, std::string>> toAttributes(const Provenance& provenance) {
   std::vector<std::pair<std::string, std::string>> attributes;
-  for (const auto& [name, value] : toJson(provenance).items())
+  const Json json = toJson(provenance);
+  for (const auto& [name, value] : json.items())
     attributes.emplace_back("probelab:" + name,
                             value.is_string() ? value.get<std::string>() : value.dump());
   return attributes;
