@@ -20,14 +20,14 @@ PL_NAMESPACE_BEGIN
 
 // Magnitude of x >= 0 as a float with 5 exponent bits (bias 15) and `mantissa_bits` (10, 6, 5).
 PL_INLINE uint packSmallFloat(float x, uint mantissa_bits) {
-  uint bits = floatBitsToUint(x);
+  uint bits = floatBitsToUint(x) & 0x7fffffffu;  // -0 is 0
   uint shift = 23u - mantissa_bits;
   uint largest = (30u << mantissa_bits) | ((1u << mantissa_bits) - 1u);
   if (bits >= 0x7f800000u) return largest;
   if (bits < 0x38800000u) {
     // Below the smallest normal: adding this power of two rounds at the format's last place.
     uint magic = (136u - mantissa_bits) << 23u;
-    return floatBitsToUint(x + uintBitsToFloat(magic)) - magic;
+    return floatBitsToUint(uintBitsToFloat(bits) + uintBitsToFloat(magic)) - magic;
   }
   uint rounded = bits + ((1u << (shift - 1u)) - 1u) + ((bits >> shift) & 1u) - (112u << 23u);
   return min(rounded >> shift, largest);

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A part that is switched off leaves no code in its shader: the SPIR-V without it is smaller.
+#include <gtest/gtest.h>
+
+#include "ddgi/scene_buffers.h"
+#include "gpu/shader.h"
+
+namespace probelab {
+namespace {
+
+using Words = std::vector<uint32_t>;
+
+// resolve.comp.glsl with everything else as in the preset rtxgi.
+Words compileResolve(const std::string& name, const std::string& value) {
+  Defines defines = {{"PL_FACING", "1"},          {"PL_TRILINEAR", "2"},
+                     {"PL_VISIBILITY", "1"},      {"PL_CRUSH", "2"},
+                     {"PL_AVERAGE", "1"},         {"PL_FALLBACK", "1"},
+                     {"PL_IRRADIANCE_FORMAT", "1"}, {"PL_MOMENT_FORMAT", "1"},
+                     {"PL_STORE_IRRADIANCE", "0"}};
+  int binding = 0;
+  for (const char* input : {"FIELD", "PROBE_INDEX", "IRRADIANCE", "MOMENTS", "COUNTERS", "SURFACES",
+                            "RAYS", "RADIANCE"})
+    defines.emplace_back(std::string("BIND_") + input, std::to_string(binding++));
+  for (auto& [key, text] : defines)
+    if (key == name) text = value;
+  return compileShader({"ddgi/resolve.comp.glsl", defines, {}});
+}
+
+TEST(Specialisation, SwitchedOffPartsOfTheQueryLeaveNoCode) {
+  const std::size_t full = compileResolve("", "").size();
+  for (const char* part : {"PL_FACING", "PL_VISIBILITY", "PL_CRUSH", "PL_FALLBACK"})
+    EXPECT_LT(compileResolve(part, "0").size(), full) << part;
+}
+
+Words compileShade(const SceneFeatures& features) {
+  Defines defines = sceneDefines(features);
+  int binding = 0;
+  for (const char* input : {"RAYS", "HITS", "SURFACES", "TRIANGLES", "POSITIONS", "MATERIALS",
+                            "NORMALS", "UV0", "UV1", "TEXELS", "SKY", "SKY_IMAGE"})
+    defines.emplace_back(std::string("BIND_") + input, std::to_string(binding++));
+  return compileShader({"ddgi/shade.comp.glsl", defines, {}});
+}
+
+TEST(Specialisation, FeaturesThatASceneLacksLeaveNoCode) {
+  SceneFeatures full;
+  full.triangles = full.textures = full.double_sided = full.emission = true;
+  full.shading_normals = full.sky = full.sky_image = true;
+  const std::size_t size = compileShade(full).size();
+  for (bool SceneFeatures::*feature :
+       {&SceneFeatures::triangles, &SceneFeatures::textures, &SceneFeatures::double_sided,
+        &SceneFeatures::emission, &SceneFeatures::shading_normals, &SceneFeatures::sky_image}) {
+    SceneFeatures without = full;
+    without.*feature = false;
+    EXPECT_LT(compileShade(without).size(), size);
+  }
+}
+
+}  // namespace
+}  // namespace probelab

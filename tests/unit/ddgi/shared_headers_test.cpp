@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Octahedral maps, storage formats and probe weights of the shared headers, in C++.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+#include "base/rng.h"
+#include "shared/atlas_format.h"
+#include "shared/query.h"
+
+namespace probelab {
+namespace {
+
+Vec3d randomUnit(Rng& rng) {
+  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
+  const double s = std::sqrt(std::max(0.0, 1 - z * z));
+  return {s * std::cos(phi), s * std::sin(phi), z};
+}
+
+TEST(Octahedral, DecodeInvertsEncode) {
+  Rng rng(1, RngStream::test);
+  for (int i = 0; i < 20000; ++i) {
+    const Vec3d d = randomUnit(rng);
+    EXPECT_LT(length(octDecode(octEncode(d)) - d), 1e-12);
+    // In float: a few roundings at 2^-24 on each axis.
+    const Vec3f f(d);
+    EXPECT_LT(length(octDecode(octEncode(f)) - f), 1e-6f);
+  }
+  for (const Vec3d& axis : {Vec3d(1, 0, 0), Vec3d(0, -1, 0), Vec3d(0, 0, 1), Vec3d(0, 0, -1)})
+    EXPECT_LT(length(octDecode(octEncode(axis)) - axis), 1e-12);
+}
+
+TEST(Octahedral, TapsStayWithinTheBorderAndWeighToTheDirection) {
+  Rng rng(2, RngStream::test);
+  for (const int n : {1, 4, 6, 14}) {
+    for (int i = 0; i < 5000; ++i) {
+      const OctTaps<double> taps = octTaps(randomUnit(rng), n);
+      EXPECT_GE(taps.x, 0);
+      EXPECT_LE(taps.x + 1, n + 1);
+      EXPECT_GE(taps.y, 0);
+      EXPECT_LE(taps.y + 1, n + 1);
+      EXPECT_GE(taps.fraction_x, 0);
+      EXPECT_LE(taps.fraction_x, 1);
+    }
+    // A texel's own direction reads that texel alone.
+    const OctTaps<double> taps = octTaps(texelDirection(0.0, 0.0, static_cast<double>(n)), n);
+    EXPECT_NEAR(taps.x + taps.fraction_x, 1, 1e-12);
+    EXPECT_NEAR(taps.y + taps.fraction_y, 1, 1e-12);
+  }
+}
+
+// All values of a small float by its definition.
+std::vector<double> smallFloats(int mantissa_bits) {
+  std::vector<double> values;
+  for (int e = 0; e < 31; ++e)
+    for (int m = 0; m < 1 << mantissa_bits; ++m) {
+      const double fraction = static_cast<double>(m) / (1 << mantissa_bits);
+      values.push_back(e == 0 ? std::ldexp(fraction, -14) : std::ldexp(1 + fraction, e - 15));
+    }
+  return values;
+}
+
+class SmallFloat : public ::testing::TestWithParam<uint> {};
+
+TEST_P(SmallFloat, EveryValueSurvivesAndOthersGoToTheNearestEven) {
+  const uint bits = GetParam();
+  const std::vector<double> values = smallFloats(static_cast<int>(bits));
+  for (uint i = 0; i < values.size(); ++i) {
+    const auto value = static_cast<float>(values[i]);
+    ASSERT_EQ(unpackSmallFloat(i, bits), value);
+    ASSERT_EQ(packSmallFloat(value, bits), i);
+    if (i + 1 == values.size()) break;
+    const double middle = 0.5 * (values[i] + values[i + 1]);
+    const auto exact_middle = static_cast<float>(middle);
+    ASSERT_EQ(packSmallFloat(exact_middle, bits), i % 2 == 0 ? i : i + 1);
+    ASSERT_EQ(packSmallFloat(std::nextafter(exact_middle, 0.0f), bits), i);
+    ASSERT_EQ(packSmallFloat(std::nextafter(exact_middle, 1e9f), bits), i + 1);
+  }
+  const auto largest = static_cast<uint>(values.size() - 1);
+  EXPECT_EQ(packSmallFloat(1e9f, bits), largest);
+  EXPECT_EQ(packSmallFloat(std::numeric_limits<float>::infinity(), bits), largest);
+}
+
+INSTANTIATE_TEST_SUITE_P(MantissaBits, SmallFloat, ::testing::Values(10u, 6u, 5u));
+
+TEST(AtlasFormat, HalvesKeepTheirSign) {
+  EXPECT_EQ(unpackHalfFloat(packHalfFloat(-1.5f)), -1.5f);
+  EXPECT_EQ(unpackHalfFloat(packHalfFloat(-70000.0f)), -65504.0f);
+}
+
+TEST(AtlasFormat, UnsignedFormatsCutNegativeValues) {
+  EXPECT_EQ(unpackR11G11B10(packR11G11B10(Vec3f(-1, 2, -0.0f))), Vec3f(0, 2, 0));
+  EXPECT_EQ(unpackRgb10A2(packRgb10A2(Vec3f(-1, 2, 0))), Vec3f(0, 1, 0));
+}
+
+TEST(AtlasFormat, TenBitsRoundToTheNearestStep) {
+  for (uint i = 0; i < 1024; ++i) {
+    const float value = static_cast<float>(i) / 1023;
+    EXPECT_EQ(packUnorm10(value), i);
+    EXPECT_EQ(packUnorm10(value + 0.4f / 1023), i);
+  }
+}
+
+QueryParams<double> plainParams() {
+  QueryParams<double> params{};
+  params.chebyshev_power = 1;
+  params.crush_threshold = 0.2;
+  params.decode_exponent = 1;
+  return params;
+}
+
+// A texel that sees share `far` of its lobe at 5 and the rest at 2: at the far depth the one-sided
+// Chebyshev bound is that share exactly.
+TEST(ProbeWeight, ChebyshevIsExactForTwoDepths) {
+  QueryParams<double> params = plainParams();
+  const double far = 0.7;
+  const Vec2d moments((1 - far) * 2 + far * 5, (1 - far) * 4 + far * 25);
+  EXPECT_NEAR(visibilityWeight(params, moments, 5.0), far, 1e-12);
+  params.chebyshev_power = 3;
+  EXPECT_NEAR(visibilityWeight(params, moments, 5.0), far * far * far, 1e-12);
+  EXPECT_EQ(visibilityWeight(params, moments, 4.0), 1.0);  // nearer than the mean
+}
+
+TEST(ProbeWeight, NoVarianceAndNoFloorBlocksEntirely) {
+  QueryParams<double> params = plainParams();
+  EXPECT_EQ(visibilityWeight(params, Vec2d(1, 1), 1.001), 0.0);
+  EXPECT_EQ(visibilityWeight(params, Vec2d(1, 1), 1.0), 1.0);
+  params.visibility_floor = 0.05;
+  EXPECT_EQ(visibilityWeight(params, Vec2d(1, 1), 1.001), 0.05);
+}
+
+// [RTXGI]: floor 0.05, wrap 1.2, crushed by 0.2: 0.06 becomes 0.06^3 / 0.04 = 0.0054.
+TEST(ProbeWeight, CrushedWeightOfAnOccludedProbe) {
+  QueryParams<double> params = plainParams();
+  params.facing_offset = 0.2;
+  const QueryModes modes{PL_FACING_WRAP, PL_TRILINEAR_AXIS_MAX, 1, PL_CRUSH_BEFORE_TRILINEAR,
+                         PL_AVERAGE_SQRT, PL_FALLBACK_NONE};
+  EXPECT_NEAR(probeWeight(params, modes, 1.0, 1.0, 0.05), 0.06 * 0.06 * 0.06 / 0.04, 1e-12);
+  EXPECT_NEAR(probeWeight(params, modes, 0.5, 1.0, 1.0), 0.6, 1e-12);
+}
+
+TEST(ProbeWeight, CrushIsContinuousAtItsThreshold) {
+  const QueryParams<double> params = plainParams();
+  EXPECT_NEAR(crushWeight(params, 0.2 - 1e-12), crushWeight(params, 0.2), 1e-10);
+}
+
+}  // namespace
+}  // namespace probelab
