@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The scenes that come with the project load without a warning, directly and through their TOML;
+// and so do files from outside, named by a folder in PROBELAB_OUTSIDE_SCENES, apart from warnings.
+#include <cstdlib>
+
+#include "scene/load.h"
+#include "scene_files.h"
+
+namespace probelab::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> scenesBelow(const fs::path& folder) {
+  std::vector<fs::path> result;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string extension = entry.path().extension().string();
+    if (extension == ".gltf" || extension == ".glb" || extension == ".toml")
+      result.push_back(entry.path());
+  }
+  std::sort(result.begin(), result.end());
+  return result;
+}
+
+void expectSound(const Scene& scene) {
+  const Geometry& g = *scene.geometry;
+  for (const Triangle& t : g.triangles) {
+    for (const uint32_t v : t.vertex) ASSERT_LT(v, g.positions.size());
+    ASSERT_LT(t.material, scene.materials.size());
+  }
+  for (const auto* normals : {&g.normals})
+    if (!normals->empty()) ASSERT_EQ(normals->size(), g.positions.size());
+  EXPECT_GT(minComponent(scene.bounds.extent()), 0);
+  EXPECT_FALSE(scene.content_hash.empty());
+}
+
+TEST(ShippedScenes, LoadWithoutWarnings) {
+  const std::vector<fs::path> scenes = scenesBelow(fs::path(PROBELAB_SOURCE_DIR) / "scenes");
+  EXPECT_FALSE(scenes.empty());
+  for (const fs::path& path : scenes) {
+    SCOPED_TRACE(path.string());
+    const Scene scene = loadScene(path);
+    EXPECT_TRUE(scene.warnings.empty()) << scene.warnings.front();
+    expectSound(scene);
+    for (const LightingState& state : scene.states)
+      EXPECT_EQ(withState(scene, state.name).state, state.name);
+  }
+}
+
+TEST(OutsideScenes, Load) {
+  const char* folder = std::getenv("PROBELAB_OUTSIDE_SCENES");
+  if (folder == nullptr) GTEST_SKIP() << "PROBELAB_OUTSIDE_SCENES names no folder";
+  for (const fs::path& path : scenesBelow(folder)) {
+    SCOPED_TRACE(path.string());
+    const Scene scene = loadScene(path);
+    expectSound(scene);
+    EXPECT_GT(scene.geometry->triangles.size(), 0u);
+  }
+}
+
+}  // namespace
+}  // namespace probelab::test
