@@ -14,5 +14,6 @@ void addReceiversCommand(Program& program);
 void addRenderCommand(Program& program);
 void addEvaluateCommand(Program& program);
 void addCompareCommand(Program& program);
+void addBenchCommand(Program& program);
 
 }  // namespace probelab

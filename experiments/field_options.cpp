@@ -10,9 +10,8 @@
 #include "placement/strategy.h"
 
 namespace probelab {
-namespace {
 
-void addLayoutOptions(CLI::App& app, FieldOptions& options) {
+void addPlacementOptions(CLI::App& app, FieldOptions& options) {
   const char* group = "Probes";
   std::vector<std::string> names;
   for (const Strategy& strategy : strategies()) names.push_back(strategy.name);
@@ -45,16 +44,25 @@ void addParamsOptions(CLI::App& app, FieldOptions& options) {
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false)
       ->group(group);
-  app.add_option("--rays", options.rays, "rays a probe and update (default: as --params says)")
+  app.add_option("--rays", options.rays, "rays a probe and update")
       ->type_name("N")
       ->check(checkPositiveInteger)
+      ->default_str(options.rays ? std::to_string(*options.rays) : "as --params says")
       ->group(group);
 }
 
-}  // namespace
+void addTracerOption(CLI::App& app, FieldOptions& options) {
+  app.add_option("--tracer", options.tracer,
+                 "rayquery (on the device), embree (on the host) or auto (rayquery on a GPU that "
+                 "has it)")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"auto", "rayquery", "embree"}).description(""))
+      ->capture_default_str()
+      ->group("Field");
+}
 
 void addFieldOptions(CLI::App& app, FieldOptions& options) {
-  addLayoutOptions(app, options);
+  addPlacementOptions(app, options);
   addParamsOptions(app, options);
   const char* group = "Field";
   app.add_option("--mode", options.mode,
@@ -71,13 +79,7 @@ void addFieldOptions(CLI::App& app, FieldOptions& options) {
       ->type_name("N")
       ->check(checkPositiveInteger)
       ->group(group);
-  app.add_option("--tracer", options.tracer,
-                 "rayquery (on the device), embree (on the host) or auto (rayquery on a GPU that "
-                 "has it)")
-      ->type_name("NAME")
-      ->check(CLI::IsMember({"auto", "rayquery", "embree"}).description(""))
-      ->capture_default_str()
-      ->group(group);
+  addTracerOption(app, options);
 }
 
 Params resolveParams(const FieldOptions& options) {

@@ -30,7 +30,11 @@ struct FieldOptions {
   std::string tracer = "auto";     // auto | rayquery | embree
 };
 
+// All of them, or a part: --strategy, --probes, --lattice; --params, --set, --rays; --tracer.
 void addFieldOptions(CLI::App& app, FieldOptions& options);
+void addPlacementOptions(CLI::App& app, FieldOptions& options);
+void addParamsOptions(CLI::App& app, FieldOptions& options);
+void addTracerOption(CLI::App& app, FieldOptions& options);
 
 // --params with --rays and then every --set over it. Throws InputError.
 Params resolveParams(const FieldOptions& options);

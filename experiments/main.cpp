@@ -13,5 +13,6 @@ int main(int argc, char** argv) {
   probelab::addRenderCommand(program);
   probelab::addEvaluateCommand(program);
   probelab::addCompareCommand(program);
+  probelab::addBenchCommand(program);
   return program.run(argc, argv);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Embree 3.13 and 4 under one spelling. Included by embree_scene.cpp only.
+// Embree 3.13 and 4 under one spelling. Included by embree_scene.cpp and bare_loop.cpp only.
 #pragma once
 
 #if PROBELAB_EMBREE >= 4
