@@ -93,8 +93,9 @@ class BadOutputs(CliTest):
         write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
 
     def test_missing_folder(self):
-        self.assert_refused("reference", "room.glb", "-o", "no/r.exr", words=("no", "does not exist"))
-        self.assert_refused("receivers", "room.glb", "-o", "no/r.json", words=("no", "does not exist"))
+        words = ("no", "does not exist")
+        self.assert_refused("reference", "room.glb", "-o", "no/r.exr", words=words)
+        self.assert_refused("receivers", "room.glb", "-o", "no/r.json", words=words)
 
     def test_output_is_a_folder(self):
         (self.folder / "r.exr").mkdir()

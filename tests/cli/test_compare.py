@@ -129,7 +129,8 @@ class BadImages(CliTest):
                 self.assert_refused("compare", "a.exr", "b.exr", words=("b.exr", "(3, 2)"))
 
     def test_missing_file(self):
-        self.assert_refused("compare", "a.exr", "missing.exr", words=("missing.exr", "no such file"))
+        self.assert_refused("compare", "a.exr", "missing.exr",
+                            words=("missing.exr", "no such file"))
 
     def test_truncated_file(self):
         data = (self.folder / "a.exr").read_bytes()

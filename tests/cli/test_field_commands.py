@@ -139,13 +139,14 @@ class Bench(FieldTest):
 class Refusals(FieldTest):
     def test_no_probes(self):
         for value in ("0", "-3", "1.5"):
-            self.assert_refused("evaluate", "room.glb", f"--probes={value}", words=("--probes", value))
+            self.assert_refused("evaluate", "room.glb", f"--probes={value}",
+                                words=("--probes", value))
 
     def test_unknown_names(self):
-        for option, value, word in (("--params", "rtxg", "'rtxgi'"), ("--strategy", "gird", "'grid'"),
-                                    ("--set", "normal_bais=1", "'normal_bias'"),
-                                    ("--tracer", "embre", "embree"), ("--mode", "conv", "converged"),
-                                    ("--lattice", "box", "bounds")):
+        for option, value, word in (
+                ("--params", "rtxg", "'rtxgi'"), ("--strategy", "gird", "'grid'"),
+                ("--set", "normal_bais=1", "'normal_bias'"), ("--tracer", "embre", "embree"),
+                ("--mode", "conv", "converged"), ("--lattice", "box", "bounds")):
             with self.subTest(option=option):
                 self.assert_refused("evaluate", "room.glb", option, value, words=(value[:4], word))
 
