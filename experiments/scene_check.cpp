@@ -117,6 +117,21 @@ int deepestCell(const Reachability& r, int region) {
   return deepest;
 }
 
+// The region that is most likely meant; -1 when all space is solid. Regions come by falling size.
+int roomRegion(const Reachability& reachability) {
+  constexpr double kSmall = 0.1;  // of the largest region: a closet beside a hall
+  const auto& regions = reachability.regions;
+  int largest = -1;
+  for (int i = 0; i < static_cast<int>(regions.size()); ++i) {
+    if (regions[i].inside_solid) continue;
+    if (largest < 0) largest = i;
+    const double share =
+        static_cast<double>(regions[i].cells) / static_cast<double>(regions[largest].cells);
+    if (!regions[i].touches_bounds && share >= kSmall) return i;
+  }
+  return largest;
+}
+
 }  // namespace
 
 SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree) {
@@ -138,14 +153,12 @@ SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree) {
 }
 
 std::optional<Vec3f> findCameraPosition(const Scene& scene, const Reachability& reachability) {
+  const int region = roomRegion(reachability);
+  if (region < 0) return std::nullopt;
   const Vec3f middle = toLocal(scene, defaultCameraPosition(scene));
   const int32_t cell = reachability.cellAt(middle);
-  const int32_t region = cell < 0 ? kOccupiedCell : reachability.cell_region[cell];
-  if (region >= 0 && reachability.regions[region].reachable) return middle;
-  for (std::size_t i = 0; i < reachability.regions.size(); ++i)
-    if (reachability.regions[i].reachable)
-      return reachability.cellCenter(deepestCell(reachability, static_cast<int>(i)));
-  return std::nullopt;
+  if (cell >= 0 && reachability.cell_region[cell] == region) return middle;
+  return reachability.cellCenter(deepestCell(reachability, region));
 }
 
 }  // namespace probelab

@@ -26,9 +26,9 @@ struct SceneCheck {
 
 SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree);
 
-// Where a person would put a camera, in local coordinates: eye level in the middle of the geometry
-// if that is reachable free space, else the place in the largest reachable region that is farthest
-// from any wall. Empty without free space.
+// Where a person would put a camera, in local coordinates: in the largest free region that does not
+// touch the bounds or, if all such are small, in the largest one; there at eye level in the middle
+// of the geometry, or where it is farthest from any wall. Empty without free space.
 std::optional<Vec3f> findCameraPosition(const Scene& scene, const Reachability& reachability);
 
 }  // namespace probelab

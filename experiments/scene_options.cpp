@@ -27,7 +27,8 @@ Scene loadScene(const SceneOptions& options, const Invocation& invocation) {
 
 void addSamplingOptions(CLI::App& app, SamplingOptions& options, const std::string& fallback) {
   const char* group = "Sampling (whichever is reached first)";
-  app.add_option("--spp", options.spp, "stop at this many samples a pixel or point")
+  app.add_option("--spp", options.spp,
+                 "stop at this many samples a pixel or point (rounded up to whole passes)")
       ->type_name("N")
       ->check(checkPositiveInteger)
       ->group(group);

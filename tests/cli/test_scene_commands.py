@@ -4,7 +4,7 @@ import json
 import struct
 import unittest
 
-from support import CliTest, ROOM_TRIANGLES, SOURCE, write_glb
+from support import CliTest, ROOM_CORNERS, ROOM_TRIANGLES, SOURCE, write_glb
 
 # Enough for numbers to be finite; nothing here is about noise.
 QUICK = ("--spp", 32)
@@ -111,6 +111,28 @@ class Init(CliTest):
         self.assertTrue(report["lights"])
         self.assertFalse(any("nothing emits" in warning for warning in report["warnings"]))
         self.assertEqual(self.files(), ["room.glb", "scene.toml"])
+
+    def test_a_camera_is_not_put_into_a_block_in_the_middle(self):
+        # A solid block of 2 x 2 x 2 m around eye level, its faces outward.
+        block = [(x, y, z) for x in (-1, 1) for y in (0.2, 2.2) for z in (-1, 1)]
+        first = len(ROOM_CORNERS)
+        outward = [tuple(first + i for i in reversed(t)) for t in ROOM_TRIANGLES]
+        write_glb(self.folder / "block.glb", positions=ROOM_CORNERS + block,
+                  triangles=ROOM_TRIANGLES + outward, camera=None)
+        self.run_ok("init", "block.glb", "-o", "scene.toml")
+        report = self.run_json("check", "scene.toml")
+        x, y, z = report["cameras"][0]["position"]
+        self.assertFalse(abs(x) <= 1 and 0.2 <= y <= 2.2 and abs(z) <= 1, (x, y, z))
+        self.assertTrue(abs(x) < 2 and 0 < y < 3 and abs(z) < 2, (x, y, z))
+        region, = [r for r in report["regions"] if r["reachable"]]
+        self.assertEqual(region["cameras"], [report["cameras"][0]["name"]])
+
+    def test_a_house_gets_its_camera_in_the_hall_and_not_in_a_closet(self):
+        # mixed_scale has a sealed closet, and a hall that is open to the outside.
+        self.run_ok("init", SOURCE / "scenes/mixed_scale/mixed_scale.gltf", "-o", "scene.toml")
+        regions = self.run_json("check", "scene.toml")["regions"]
+        largest = max(regions, key=lambda region: region["cells"])
+        self.assertEqual(len(largest["cameras"]), 1)
 
     def test_does_not_overwrite(self):
         (self.folder / "scene.toml").write_text("mine")
