@@ -85,22 +85,28 @@ fs::path FileGuard::resolve(const std::string& uri, const std::string& element) 
   return path;
 }
 
+void FileGuard::expect(const std::string& uri, const fs::path& path) {
+  // tinygltf takes a '+' for a space, which in a path it is not.
+  std::string name = uri;
+  std::replace(name.begin(), name.end(), '+', ' ');
+  expected_[(folder_ / "").string() + decodePercent(name)] = path;
+}
+
 bool FileGuard::allows(const std::string& path) const {
-  // tinygltf also looks below the working folder; only what it joined to our folder counts.
-  const std::string prefix = (folder_ / "").string();
-  if (path.compare(0, prefix.size(), prefix) != 0) return false;
+  const auto it = expected_.find(path);
+  if (it == expected_.end()) return false;
   std::error_code ec;
-  const fs::path canonical = fs::weakly_canonical(path, ec);
+  const fs::path canonical = fs::weakly_canonical(it->second, ec);
   return !ec && inFolder(canonical) && fs::is_regular_file(canonical, ec);
 }
 
 std::vector<unsigned char> FileGuard::read(const std::string& path) {
   if (!allows(path)) throwInput("{}: '{}' is not a file beside the scene", scene_file_, path);
-  const fs::path canonical = fs::weakly_canonical(path);
-  const std::vector<std::byte> bytes = readFile(canonical);
+  const fs::path& expected = expected_.at(path);
+  const std::vector<std::byte> bytes = readFile(expected);
   hashes_.push_back(contentHash(bytes));
   std::size_t size = bytes.size();
-  if (const auto it = declared_.find(canonical); it != declared_.end())
+  if (const auto it = declared_.find(expected); it != declared_.end())
     size = std::min(size, it->second);
   const auto* data = reinterpret_cast<const unsigned char*>(bytes.data());
   return {data, data + size};

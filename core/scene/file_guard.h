@@ -21,7 +21,10 @@ class FileGuard {
   // out of the folder, also through percent-encoding or a symbolic link.
   std::filesystem::path resolve(const std::string& uri, const std::string& element) const;
 
-  // True for a path below the folder, as tinygltf joins it, that is a regular file.
+  // Lets tinygltf read what `uri` names; `path` is what `resolve` gave for it.
+  void expect(const std::string& uri, const std::filesystem::path& path);
+
+  // True for a path, as tinygltf joins it, that stands for an expected URI and is a regular file.
   bool allows(const std::string& path) const;
 
   // The bytes of a file that passed `allows`, cut to the declared length of a buffer; remembers
@@ -38,7 +41,8 @@ class FileGuard {
   bool inFolder(const std::filesystem::path& path) const;
 
   std::string scene_file_;
-  std::filesystem::path folder_;  // canonical
+  std::filesystem::path folder_;                           // canonical
+  std::map<std::string, std::filesystem::path> expected_;  // by tinygltf's name for it
   std::map<std::filesystem::path, std::size_t> declared_;
   std::vector<std::string> hashes_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene TOML's contents, checked, in world coordinates. The keys are described in README.md.
+// A scene TOML's contents, checked, in world coordinates. scene/load.h lists the keys.
 #pragma once
 
 #include <filesystem>

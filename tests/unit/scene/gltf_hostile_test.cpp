@@ -141,8 +141,9 @@ TEST(HostileGltf, UrisInsideTheFolderAreRead) {
   GltfBuilder gltf = indexedTriangle();
   writeBytes(folder / "inside/my data.bin", gltf.bin + "padding");
   fs::create_symlink(folder / "inside/my data.bin", folder / "link.bin");
-  for (const char* uri : {"inside/my data.bin", "inside/my%20data.bin", "./inside/my data.bin",
-                          "inside/../inside/my data.bin", "link.bin"}) {
+  writeBytes(folder / "a+b.bin", gltf.bin);
+  for (const char* uri : {"inside/my data.bin", "inside/my%20data.bin", "a+b.bin",
+                          "./inside/my data.bin", "inside/../inside/my data.bin", "link.bin"}) {
     gltf.root["buffers"] = json::array({{{"byteLength", gltf.bin.size()}, {"uri", uri}}});
     writeBytes(folder / "a.gltf", gltf.root.dump());
     EXPECT_EQ(loadScene(folder / "a.gltf").geometry->triangles.size(), 1u) << uri;

@@ -39,7 +39,8 @@ struct TextureUse {
   bool used() const { return texture >= 0; }
 };
 
-// Diffuse: albedo = base colour (1 - metallic). Colour textures are sRGB, metallic is linear (blue).
+// Diffuse: albedo = base colour (1 - metallic). Colour textures are sRGB, metallic is linear, in
+// blue.
 struct Material {
   std::string name;
   Vec3f base_color{1.0f};
@@ -76,7 +77,8 @@ struct Geometry {
 
 enum class LightType : uint32_t { directional, point, spot };
 
-// `intensity`: lux (directional) or candela, colour included. `direction`: the way the light travels.
+// `intensity`: lux (directional) or candela, colour included. `direction`: the way the light
+// travels.
 struct Light {
   std::string name;
   LightType type = LightType::point;
