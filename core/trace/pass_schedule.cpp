@@ -22,18 +22,6 @@ double varianceOfMean1(double sum, double squares, double n) {
   return std::max(0.0, (squares - sum * sum / n) / ((n - 1) * n));
 }
 
-double centerOf(std::vector<double>& values, Center center) {
-  if (values.empty()) return 0;
-  if (center == Center::mean) {
-    double sum = 0;
-    for (double v : values) sum += v;
-    return sum / static_cast<double>(values.size());
-  }
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 }  // namespace
 
 PassSchedule::PassSchedule(const SampleBudget& budget, uint32_t samples_per_pass)
@@ -78,33 +66,39 @@ double PassSchedule::share(double done, double rel_error, double elapsed_s) cons
   return std::clamp(share, 0.0, 1.0);
 }
 
-Vec3d PassSums::varianceOfMean(uint32_t passes) const {
+Vec3d PassSums::varianceOfMean() const {
   const double n = passes;
   const Vec3d sum = a + b;
   return {varianceOfMean1(sum.x, squares.x, n), varianceOfMean1(sum.y, squares.y, n),
           varianceOfMean1(sum.z, squares.z, n)};
 }
 
-double PassSums::luminanceVarianceOfMean(uint32_t passes) const {
+double PassSums::luminanceVarianceOfMean() const {
   return varianceOfMean1(luminance(a + b), luminance_squares, passes);
 }
 
-double relativeError(std::span<const PassSums> sums, uint32_t passes, Center center) {
+double darkThreshold(std::span<const PassSums> sums) {
   double total = 0;
-  for (const PassSums& s : sums) total += luminance(s.mean(passes));
-  const double threshold =
-      0.01 * total / static_cast<double>(std::max<std::size_t>(1, sums.size()));
-  if (!(threshold > 0)) return 0;
-  std::vector<double> bright, dark;
-  for (const PassSums& s : sums) {
-    const double value = luminance(s.mean(passes));
-    const double error = std::sqrt(s.luminanceVarianceOfMean(passes));
-    if (value > threshold)
-      bright.push_back(error / value);
-    else
-      dark.push_back(error / threshold);
-  }
-  return std::max(centerOf(bright, center), centerOf(dark, center));
+  for (const PassSums& s : sums) total += luminance(s.mean());
+  return 0.01 * total / static_cast<double>(std::max<std::size_t>(1, sums.size()));
+}
+
+double relativeError(const PassSums& sums, double threshold) {
+  const double reference = std::max(luminance(sums.mean()), threshold);
+  return reference > 0 ? std::sqrt(sums.luminanceVarianceOfMean()) / reference : 0;
+}
+
+double medianOf(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double meanOf(const std::vector<double>& values) {
+  double sum = 0;
+  for (double v : values) sum += v;
+  return values.empty() ? 0 : sum / static_cast<double>(values.size());
 }
 
 }  // namespace probelab

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "base/vec.h"
 #include "trace/path_tracer.h"
@@ -36,25 +37,32 @@ class PassSchedule {
 struct PassSums {
   Vec3d a, b, squares;
   double luminance_squares = 0;
+  uint32_t passes = 0;
 
   void add(uint32_t pass, const Vec3d& mean) {
     (pass % 2 == 0 ? a : b) += mean;
     squares += mean * mean;
     const double y = luminance(mean);
     luminance_squares += y * y;
+    ++passes;
   }
-  Vec3f halfA(uint32_t passes) const { return Vec3f(a / (0.5 * passes)); }
-  Vec3f halfB(uint32_t passes) const { return Vec3f(b / (0.5 * passes)); }
-  Vec3d mean(uint32_t passes) const { return (a + b) / static_cast<double>(passes); }
+  Vec3f halfA() const { return Vec3f(a / (0.5 * passes)); }
+  Vec3f halfB() const { return Vec3f(b / (0.5 * passes)); }
+  Vec3d mean() const { return (a + b) / static_cast<double>(passes); }
   // Variance of mean(), from the scatter of the passes.
-  Vec3d varianceOfMean(uint32_t passes) const;
-  double luminanceVarianceOfMean(uint32_t passes) const;
+  Vec3d varianceOfMean() const;
+  double luminanceVarianceOfMean() const;
 };
 
-// The stopping rule of SampleBudget over all sums: of the relative standard errors of those above
-// 0.01 of the mean, and of the others' standard errors over 0.01 of the mean, the larger centre.
-// The centre is the median, or for images the mean. 0 where everything is black.
-enum class Center { median, mean };
-double relativeError(std::span<const PassSums> sums, uint32_t passes, Center center);
+// What counts as dark: 0.01 of the mean luminance.
+double darkThreshold(std::span<const PassSums> sums);
+
+// Standard error of one value over the value itself, or over the threshold where it is dark. 0
+// where everything is black.
+double relativeError(const PassSums& sums, double threshold);
+
+// 0 for no values.
+double medianOf(std::vector<double> values);
+double meanOf(const std::vector<double>& values);
 
 }  // namespace probelab

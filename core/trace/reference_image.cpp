@@ -70,13 +70,13 @@ Vec3f unitOrZero(const Vec3f& v) {
 }
 
 void finishLayers(const std::vector<PassSums>& sums, const std::vector<LayerSums>& layers,
-                  uint32_t passes, uint32_t samples, ReferenceImage& image) {
+                  uint32_t samples, ReferenceImage& image) {
   const float share = 1.0f / static_cast<float>(samples);
   for (std::size_t i = 0; i < sums.size(); ++i) {
-    image.radiance.push_back(Vec3f(sums[i].mean(passes)));
-    image.half_a.push_back(sums[i].halfA(passes));
-    image.half_b.push_back(sums[i].halfB(passes));
-    image.variance.push_back(Vec3f(sums[i].varianceOfMean(passes)));
+    image.radiance.push_back(Vec3f(sums[i].mean()));
+    image.half_a.push_back(sums[i].halfA());
+    image.half_b.push_back(sums[i].halfB());
+    image.variance.push_back(Vec3f(sums[i].varianceOfMean()));
     image.emission.push_back(layers[i].emission * share);
     image.direct.push_back(layers[i].direct * share);
     image.irradiance.push_back(layers[i].irradiance * share);
@@ -84,6 +84,15 @@ void finishLayers(const std::vector<PassSums>& sums, const std::vector<LayerSums
     image.normal.push_back(unitOrZero(layers[i].normal));
     image.depth.push_back(layers[i].hits > 0 ? layers[i].depth / layers[i].hits : 0.0f);
   }
+}
+
+// The larger of the mean errors of bright and of dark pixels (SampleBudget).
+double imageError(const std::vector<PassSums>& sums) {
+  const double threshold = darkThreshold(sums);
+  std::vector<double> bright, dark;
+  for (const PassSums& s : sums)
+    (luminance(s.mean()) > threshold ? bright : dark).push_back(relativeError(s, threshold));
+  return std::max(meanOf(bright), meanOf(dark));
 }
 
 }  // namespace
@@ -142,10 +151,10 @@ ReferenceImage renderReference(const Scene& scene, const EmbreeScene& embree, co
         for (uint32_t pass = first; pass < first + count; ++pass) tracePass(i, pass, rays);
       closest += rays.closest, shadow += rays.shadow;
     });
-    image.rel_error = relativeError(sums, schedule.passes(), Center::mean);
+    image.rel_error = imageError(sums);
     if (progress) progress(schedule.share(schedule.passes(), image.rel_error, timer.seconds()));
   }
-  finishLayers(sums, layers, schedule.passes(), schedule.samples(), image);
+  finishLayers(sums, layers, schedule.samples(), image);
   image.samples = schedule.samples();
   image.rays = {closest, shadow};
   image.seconds = timer.seconds();

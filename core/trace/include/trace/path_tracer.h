@@ -20,8 +20,9 @@
 
 namespace probelab {
 
-class PathSampler;   // trace/sampler.h
-class LightSampler;  // trace/light_sampling.h
+class PathSampler;         // trace/sampler.h
+class LightSampler;        // trace/light_sampling.h
+class LightVertexSampler;  // trace/light_vertices.h
 
 // What one path costs; summed into provenance.
 struct RayCount {
@@ -50,14 +51,19 @@ class PathTracer {
 
  private:
   struct Vertex;
+  struct Arrival;
+  Vec3f lightsAt(const Surface& surface, const Arrival* arrival, RayCount& rays) const;
   Vec3f emitterIrradiance(const Vertex& vertex, const PathSampler& sampler, uint32_t dimension,
                           RayCount& rays) const;
+  Vec3f connectedIrradiance(const Vertex& vertex, const PathSampler& sampler, uint32_t dimension,
+                            RayCount& rays) const;
 
   const Scene& scene_;
   const EmbreeScene& embree_;
   MaterialTable materials_;
   std::vector<LightData> lights_;
   std::unique_ptr<LightSampler> emitters_;
+  std::unique_ptr<LightVertexSampler> light_vertices_;
 };
 
 struct IrradiancePoint {
@@ -71,8 +77,8 @@ struct IrradiancePoint {
 // rounded up to a multiple of 32. Only `seconds` makes a result depend on the machine.
 //
 // rel_error: the median over points of the standard error of (A+B)/2 over its value (luminance),
-// among those above 0.01 of the mean; the median of the others' standard error over 0.01 of the
-// mean must be as small. Images take the mean over pixels instead of the median.
+// among those above 0.01 of the mean; the others go on until the median of their standard error is
+// the same share of 0.01 of the mean. Images take means over pixels instead of medians.
 struct SampleBudget {
   uint32_t spp = 0;
   double seconds = 0;
@@ -83,7 +89,7 @@ struct SampleBudget {
 struct IrradianceEstimate {
   std::vector<Vec3f> a, b;            // independent halves, [point]
   std::vector<Vec3f> standard_error;  // of (a+b)/2, from the variance across passes, [point]
-  uint32_t samples = 0;               // per point, both halves together
+  uint32_t samples = 0;               // per point, both halves together; dark ones may have more
   RayCount rays;
   double seconds = 0;
   double rel_error = 0;  // reached, as SampleBudget defines it

@@ -46,7 +46,7 @@ constexpr uint32_t sobolSecondReversed(uint32_t index) {
 // the samples of a pass, later ones are independent (padding gains nothing there).
 class PathSampler {
  public:
-  static constexpr uint32_t kStratifiedPairs = 12;
+  static constexpr uint32_t kStratifiedPairs = 16;
 
   PathSampler(uint64_t seed, RngStream stream, uint64_t index, uint32_t pass, uint32_t sample)
       : key_(hashCounters(seed, stream, index, pass)), sample_(sample) {}
