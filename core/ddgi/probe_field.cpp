@@ -24,14 +24,15 @@ struct WeightsPush {
   float exponent;
 };
 struct BlendPush {
-  uint32_t item_count, texels;
+  uint32_t texels;
   BlendConstants blend;
 };
 struct FieldConstants {
   LatticeShape lattice;
   QueryParams<float> query;
+  DistanceRule distance;
 };
-constexpr uint32_t kProbesPerInvocation = 4;  // of blend.comp.glsl
+constexpr uint32_t kProbesPerGroup = 8;  // of blend.comp.glsl
 constexpr uint32_t kQueryChunk = 1u << 20;
 
 Defines queryDefines(const Params& params) {
@@ -61,7 +62,10 @@ uint32_t probesPerBatch(const GpuContext& context, const Scene& scene, const Par
 
 GpuBuffer uploadConstants(GpuContext& context, const ProbeLayout& layout, const Params& params) {
   const FieldConstants constants{latticeShape(layout, params),
-                                 convertQueryParams<float>(queryParams(params))};
+                                 convertQueryParams<float>(queryParams(params)),
+                                 {1.0f / layout.support_radius_m,
+                                  static_cast<float>(params.distance_clamp),
+                                  static_cast<float>(params.backface_shortening)}};
   return createBufferFrom(context, std::span<const FieldConstants>(&constants, 1),
                           MemoryUse::device, "field constants");
 }
@@ -115,7 +119,9 @@ void ProbeField::createAtlas(GpuContext& context, Atlas& atlas, bool is_irradian
   Defines defines = queryDefines(params_);
   defines.emplace_back("PL_BLEND", is_irradiance ? "0" : "1");
   defines.emplace_back("PL_ACCUMULATE", options_.accumulate ? "1" : "0");
-  std::vector<StageInput> inputs = {{"RADIANCE", &batch_.buffers().radiance},
+  const RayBuffers& rays = batch_.buffers();
+  std::vector<StageInput> inputs = {is_irradiance ? StageInput{"RADIANCE", &rays.radiance}
+                                                  : StageInput{"DISTANCES", &rays.distances},
                                     {"WEIGHTS", &atlas.weights},
                                     {"PREVIOUS", &atlas.copies[1]},
                                     {"ATLAS", &atlas.copies[0]},
@@ -145,11 +151,14 @@ void ProbeField::createFieldStages(GpuContext& context) {
   };
   for (const bool store : {false, true}) {
     Defines defines = queryDefines(params_);
+    const bool distances = !store && params_.visibility != 0;
     defines.emplace_back("PL_STORE_IRRADIANCE", store ? "1" : "0");
+    defines.emplace_back("PL_STORE_DISTANCES", distances ? "1" : "0");
     std::vector<StageInput> inputs = field;
     inputs.push_back({"SURFACES", &batch_.buffers().surfaces});
     inputs.push_back({"RAYS", &batch_.buffers().rays});
     inputs.push_back({"RADIANCE", &batch_.buffers().radiance});
+    if (distances) inputs.push_back({"DISTANCES", &batch_.buffers().distances});
     if (store) inputs.push_back({"HIT_IRRADIANCE", &batch_.buffers().hit_irradiance});
     (store ? resolve_with_irradiance_ : resolve_) = bothCopies(
         makeStage(context, "ddgi/resolve.comp.glsl", defines, inputs, sizeof(CountPush)));
@@ -203,9 +212,8 @@ void ProbeField::blendAtlas(const Atlas& atlas, const BlendMode& mode, uint32_t 
                             uint32_t probe_count, bool is_irradiance) {
   const auto side = static_cast<uint32_t>(
       (is_irradiance ? params_.irradiance_texels : params_.moment_texels) - 2);
-  const uint32_t groups = (probe_count + kProbesPerInvocation - 1) / kProbesPerInvocation;
+  const uint32_t groups = (probe_count + kProbesPerGroup - 1) / kProbesPerGroup;
   BlendPush push{};
-  push.item_count = groups * side * side;
   push.texels = side;
   push.blend.probe_count = probe_count;
   push.blend.first_probe = first_probe;
@@ -213,13 +221,10 @@ void ProbeField::blendAtlas(const Atlas& atlas, const BlendMode& mode, uint32_t 
   push.blend.hysteresis = mode.hysteresis;
   push.blend.accumulate = 1.0f / static_cast<float>(mode.average_of);
   push.blend.encode_exponent = static_cast<float>(1.0 / params_.encoding_gamma);
-  push.blend.distance_scale = 1.0f / layout_.support_radius_m;
-  push.blend.distance_clamp = static_cast<float>(params_.distance_clamp);
-  push.blend.backface_shortening = static_cast<float>(params_.backface_shortening);
   push.blend.backface_skip = params_.backface_skip != 0 ? 1u : 0u;
   push.blend.store_average = mode.store_average ? 1u : 0u;
   const std::size_t target = static_cast<std::size_t>(1 - current_);
-  recorder_.run("blend", atlas.blend[target], push, push.item_count);
+  recorder_.runGroups("blend", atlas.blend[target], push, groups);
 }
 
 void ProbeField::readCounters() {

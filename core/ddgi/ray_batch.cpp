@@ -26,6 +26,7 @@ RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, boo
   buffers.surfaces =
       createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
   buffers.radiance = createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "radiance");
+  buffers.distances = createBuffer(context, n * sizeof(Vec2f), MemoryUse::device, "distances");
   buffers.hit_irradiance =
       createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "hit irradiance");
   if (has_lights) {
@@ -46,7 +47,7 @@ TracerKind parseTracer(const std::string& name) {
 }
 
 uint64_t rayBytes(bool has_lights) {
-  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + 2 * sizeof(Vec4f) +
+  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + 2 * sizeof(Vec4f) + sizeof(Vec2f) +
          (has_lights ? sizeof(Ray) + sizeof(uint32_t) : 0);
 }
 

@@ -8,7 +8,6 @@
 
 namespace probelab {
 namespace {
-constexpr uint32_t kGroupSize = 64;      // of stage.glsl
 constexpr uint32_t kMaxTimestamps = 64;  // two a stage; a full batch flushes
 }  // namespace
 
@@ -44,8 +43,8 @@ Stage makeStage(GpuContext& context, const std::string& shader, Defines defines,
 StageRecorder::StageRecorder(GpuContext& context) : commands_(context, kMaxTimestamps) {}
 
 void StageRecorder::dispatch(const std::string& name, const Stage& stage,
-                             std::span<const std::byte> push, uint32_t items) {
-  if (items == 0) return;
+                             std::span<const std::byte> push, uint32_t groups) {
+  if (groups == 0) return;
   if (2 * (recorded_.size() + 1) > kMaxTimestamps) flush();
   if (!recording_) commands_.begin();
   recording_ = true;
@@ -53,7 +52,7 @@ void StageRecorder::dispatch(const std::string& name, const Stage& stage,
   for (const StageInput& input : stage.inputs) buffers.push_back(input.buffer);
   commands_.timestamp(name);
   commands_.dispatch(*stage.pipeline, buffers, stage.acceleration_structure, push,
-                     (items + kGroupSize - 1) / kGroupSize);
+                     groups);
   commands_.barrier();
   commands_.timestamp(name);
   recorded_.push_back(name);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays -> texels, one invocation a texel of kProbes probes ([M19], [RTXGI]; the weights come from one
-// table, since all probes share their directions). PL_BLEND 0: irradiance, as mean radiance under the
+// Rays -> texels ([M19], [RTXGI]). A workgroup takes kProbes probes, an invocation a texel of all of
+// them: the weights come from one table, since all probes share their directions, and what a ray
+// brings is read once for the whole workgroup. PL_BLEND 0: irradiance, as mean radiance under the
 // cosine, encoded; 1: mean and mean square of the radial distance in units of r_i. Each texel also
 // writes the border texels that repeat it.
 #version 460
@@ -9,7 +10,11 @@
 #include "ddgi/constants.h"
 #include "shared/atlas_format.h"
 
+#if PL_BLEND == 0
 BUFFER(BIND_RADIANCE, readonly, Radiance, vec4 radiance[]);
+#else
+BUFFER(BIND_DISTANCES, readonly, Distances, vec2 distances[]);  // r and r^2 in units of r_i
+#endif
 BUFFER(BIND_WEIGHTS, readonly, Weights, float weights[]);
 BUFFER(BIND_PREVIOUS, readonly, Previous, uint previous[]);
 BUFFER(BIND_ATLAS, writeonly, Atlas, uint atlas[]);
@@ -19,12 +24,11 @@ BUFFER(BIND_AVERAGE, restrict, Average, vec3 average[]);  // linear, interior te
 #endif
 
 layout(push_constant, scalar) uniform Push {
-  uint item_count;
   uint texels;  // interior texels a side
   BlendConstants blend;
 } push;
 
-const uint kProbes = 4u;
+const uint kProbes = 8u;
 
 #if PL_BLEND == 0
 vec3 loadTexel(uint texel) {
@@ -62,9 +66,11 @@ const float kLargest = 1.0;
 #else
 const float kLargest = 65024.0;
 #endif
-// What a ray adds: radiance, or nothing where the back faces are left out.
-vec4 contribution(vec4 ray) {
-  return push.blend.backface_skip != 0u && ray.w < 0.0 ? vec4(0.0) : vec4(ray.rgb, 1.0);
+// What a ray adds, with its share of the weight in w: radiance, or nothing where back faces are left
+// out.
+vec4 contribution(uint ray) {
+  vec4 value = radiance[ray];
+  return push.blend.backface_skip != 0u && value.w < 0.0 ? vec4(0.0) : vec4(value.rgb, 1.0);
 }
 vec3 encodeTexel(vec3 mean) {
   if (push.blend.encode_exponent == 1.0) return mean;
@@ -88,11 +94,7 @@ void storeTexel(uint texel, vec3 value) {
 #endif
 }
 const float kLargest = PL_MOMENT_FORMAT == PL_FORMAT_RG32F ? 3.4e38 : 65504.0;
-vec4 contribution(vec4 ray) {
-  float distance_m = ray.w < 0.0 ? -ray.w * push.blend.backface_shortening : ray.w;
-  float r = min(distance_m * push.blend.distance_scale, push.blend.distance_clamp);
-  return vec4(r, r * r, 0.0, 1.0);
-}
+vec4 contribution(uint ray) { return vec4(distances[ray], 0.0, 1.0); }
 vec3 encodeTexel(vec3 mean) { return mean; }
 #endif
 
@@ -141,25 +143,20 @@ void finishTexel(uint probe, uint texel, vec4 sum) {
 }
 
 void main() {
-  uint i = gl_GlobalInvocationID.x;
-  if (i >= push.item_count) return;
   uint texels = push.texels * push.texels;
-  uint group = i / texels;
-  uint texel = i - group * texels;
   uint rays = push.blend.ray_count;
   uint last = push.blend.probe_count - 1u;
-  uint first_ray[kProbes];
-  vec4 sums[kProbes];
-  for (uint p = 0u; p < kProbes; ++p) {
-    first_ray[p] = min(group * kProbes + p, last) * rays;
-    sums[p] = vec4(0.0);
-  }
-  for (uint r = 0u; r < rays; ++r) {
-    float weight = weights[r * texels + texel];
+  uint first_probe = gl_WorkGroupID.x * kProbes;
+  for (uint texel = gl_LocalInvocationID.x; texel < texels; texel += kGroupSize) {
+    vec4 sums[kProbes];
+    for (uint p = 0u; p < kProbes; ++p) sums[p] = vec4(0.0);
+    for (uint r = 0u; r < rays; ++r) {
+      float weight = weights[r * texels + texel];
+      for (uint p = 0u; p < kProbes; ++p)
+        sums[p] += contribution(min(first_probe + p, last) * rays + r) * weight;
+    }
     for (uint p = 0u; p < kProbes; ++p)
-      sums[p] += contribution(radiance[first_ray[p] + r]) * weight;
+      if (first_probe + p <= last)
+        finishTexel(push.blend.first_probe + first_probe + p, texel, sums[p]);
   }
-  for (uint p = 0u; p < kProbes; ++p)
-    if (group * kProbes + p <= last)
-      finishTexel(push.blend.first_probe + group * kProbes + p, texel, sums[p]);
 }

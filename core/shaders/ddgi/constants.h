@@ -47,6 +47,13 @@ struct QueryPoint {
   PL_FLOAT3 view;
 };
 
+// How the distance along a ray becomes the one that is averaged.
+struct DistanceRule {
+  float scale;                // 1 / r_i
+  float clamp_at;             // x r_i
+  float backface_shortening;  // factor on a back face's distance
+};
+
 // Scalars of an update that the blend stage needs.
 struct BlendConstants {
   PL_UINT probe_count;     // of the batch
@@ -55,9 +62,6 @@ struct BlendConstants {
   float hysteresis;        // 0 for a first write
   float accumulate;        // 1 / k for the k-th of an average, 0: no average
   float encode_exponent;   // 1 / gamma
-  float distance_scale;    // 1 / r_i
-  float distance_clamp;    // x r_i
-  float backface_shortening;
   PL_UINT backface_skip;   // 1: rays that hit a back face are left out of the irradiance
   PL_UINT store_average;   // 1: the atlas gets the running average, 0: this update
 };
@@ -74,7 +78,7 @@ const float kTinyWeightSum = 1e-6f;
 
 #ifdef __cplusplus
 static_assert(sizeof(GpuMaterial) == 160 && sizeof(RaySurface) == 64 && sizeof(QueryPoint) == 36 &&
-              sizeof(BlendConstants) == 44);
+              sizeof(BlendConstants) == 32);
 #endif
 
 PL_NAMESPACE_END

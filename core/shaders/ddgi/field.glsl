@@ -7,7 +7,8 @@
 #include "ddgi/constants.h"
 #include "shared/atlas_format.h"
 
-BUFFER(BIND_FIELD, readonly, FieldBuffer, LatticeShape lattice; QueryParams query_params);
+BUFFER(BIND_FIELD, readonly, FieldBuffer, 
+       LatticeShape lattice; QueryParams query_params; DistanceRule distance_rule);
 BUFFER(BIND_PROBE_INDEX, readonly, ProbeIndex, int probe_index[]);
 BUFFER(BIND_IRRADIANCE, readonly, IrradianceAtlas, uint irradiance_atlas[]);
 #if PL_VISIBILITY

@@ -9,6 +9,9 @@
 BUFFER(BIND_SURFACES, readonly, Surfaces, RaySurface surfaces[]);
 BUFFER(BIND_RAYS, readonly, Rays, Ray rays[]);
 BUFFER(BIND_RADIANCE, writeonly, Radiance, vec4 radiance[]);  // rgb, signed distance in metres
+#if PL_STORE_DISTANCES
+BUFFER(BIND_DISTANCES, writeonly, Distances, vec2 distances[]);  // r and r^2 in units of r_i
+#endif
 BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
 #if PL_STORE_IRRADIANCE
 BUFFER(BIND_HIT_IRRADIANCE, writeonly, HitIrradiance, vec4 hit_irradiance[]);
@@ -31,6 +34,13 @@ void main() {
   }
   if (any(isnan(outgoing)) || any(isinf(outgoing))) atomicAdd(counters.non_finite_rays, 1u);
   radiance[i] = vec4(outgoing, surface.distance);
+#if PL_STORE_DISTANCES
+  float distance_m =
+      surface.distance < 0.0 ? -surface.distance * distance_rule.backface_shortening
+                             : surface.distance;
+  float r = min(distance_m * distance_rule.scale, distance_rule.clamp_at);
+  distances[i] = vec2(r, r * r);
+#endif
 #if PL_STORE_IRRADIANCE
   hit_irradiance[i] = vec4(irradiance, float(surface.hit));
 #endif

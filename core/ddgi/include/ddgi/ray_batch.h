@@ -18,7 +18,8 @@ TracerKind parseTracer(const std::string& name);  // throws InputError
 // Buffers of one batch, [ray].
 struct RayBuffers {
   uint32_t capacity = 0;
-  GpuBuffer rays, hits, surfaces, shadow_rays, occluded, radiance, hit_irradiance;
+  GpuBuffer rays, hits, surfaces, shadow_rays, occluded, radiance, distances,
+      hit_irradiance;
 };
 
 // Bytes a ray of the buffers above.

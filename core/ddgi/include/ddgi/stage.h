@@ -18,6 +18,8 @@
 
 namespace probelab {
 
+constexpr uint32_t kStageGroupSize = 64;  // of core/shaders/ddgi/stage.glsl
+
 using Defines = std::vector<std::pair<std::string, std::string>>;
 
 // A buffer under the name that the shader binds it by: "RAYS" is BIND_RAYS.
@@ -46,10 +48,14 @@ class StageRecorder {
  public:
   explicit StageRecorder(GpuContext& context);
 
-  // One invocation an item, in workgroups of 64.
+  // One invocation an item, in workgroups of kStageGroupSize; or a number of workgroups.
   template <class Push>
   void run(const std::string& name, const Stage& stage, const Push& push, uint32_t items) {
-    dispatch(name, stage, std::as_bytes(std::span<const Push>(&push, 1)), items);
+    runGroups(name, stage, push, groupCount(items, kStageGroupSize));
+  }
+  template <class Push>
+  void runGroups(const std::string& name, const Stage& stage, const Push& push, uint32_t groups) {
+    dispatch(name, stage, pushBytes(push), groups);
   }
   void onHost(const std::string& name, const std::function<void()>& work);
   // Submits what was recorded and waits for it.
@@ -61,7 +67,7 @@ class StageRecorder {
 
  private:
   void dispatch(const std::string& name, const Stage& stage, std::span<const std::byte> push,
-                uint32_t items);
+                uint32_t groups);
 
   Commands commands_;
   bool recording_ = false;
