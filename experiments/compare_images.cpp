@@ -97,11 +97,10 @@ Panel errorPanel(const LoadedImage& image, const LoadedImage& reference,
           signedErrorLegend(s)};
 }
 
-// "ddgi" for a file ddgi.exr, with the parameters that made it where the file says so.
+// The parameters that made the image where its file says so, else the file's stem.
 std::string labelOf(const LoadedImage& image) {
   const std::string params = attributeOf(image.file, "probelab:params");
-  const std::string stem = std::filesystem::path(image.path).stem().string();
-  return params.empty() || params == stem ? stem : stem + " (" + params + ")";
+  return params.empty() ? std::filesystem::path(image.path).stem().string() : params;
 }
 
 }  // namespace

@@ -228,7 +228,7 @@ void setParam(Params& params, const std::string& assignment) {
       parseToml(bare_name ? fmt::format("v = \"{}\"", value) : "v = " + value, where);
   if (table.get("v") == nullptr || table.size() != 1) throwInput("{}: one value is needed", where);
   assign(params, key, *table.get("v"), where);
-  if (!params.name.ends_with("(changed)")) params.name += " (changed)";
+  params.name += fmt::format(" {}={}", name, value);
   validateParams(params);
 }
 

@@ -78,7 +78,7 @@ TEST(Params, AssignmentsAreChecked) {
   EXPECT_EQ(params.irradiance_format, PL_FORMAT_RGBA32F);
   setParam(params, "visibility=false");
   EXPECT_EQ(params.visibility, 0);
-  EXPECT_EQ(params.name, "rtxgi (changed)");
+  EXPECT_EQ(params.name, "rtxgi irradiance_format=rgba32f visibility=false");
   for (const char* bad : {"rays", "rays=", "rays=1.5", "rays=0", "hysteresis=nan", "hysteresis=2",
                           "facing=sideways", "visibility=1", "nothing=1", "rays=1\nrays=2",
                           "hysteresis=0.5\nrays=3"})

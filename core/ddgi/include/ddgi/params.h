@@ -15,7 +15,7 @@
 namespace probelab {
 
 struct Params {
-  std::string name;  // the preset's, with " (changed)" after --set, or the file's
+  std::string name;  // the preset's or the file's, then " key=value" for every later change
   // Update.
   int rays = 0;  // a probe and update
   double hysteresis = 0;
