@@ -41,18 +41,25 @@ Vec3d tracePass(const PathTracer& tracer, const BoundedPoint& point, const Vec3f
   return sum / static_cast<double>(kSamplesPerPass);
 }
 
-// Points whose passes go on together, and their error so far.
+// Points whose passes go on together.
 using Group = std::vector<std::size_t>;
+enum class Count { bright, dark, all };  // whose errors make the median
 
 // One estimate in the making.
 struct Estimation {
-  const PathTracer& tracer;
+  PathTracer tracer;
   std::span<const IrradiancePoint> points;
   uint64_t seed;
-  Timer timer = Timer();
+  std::vector<PassSums> sums;
+  double threshold = 0;  // dark below
   std::atomic<uint64_t> closest{0}, shadow{0};
+  Timer timer;
 
-  void trace(const Group& group, uint32_t first, uint32_t count, std::vector<PassSums>& sums) {
+  Estimation(const Scene& scene, const EmbreeScene& embree,
+             std::span<const IrradiancePoint> points_, uint64_t seed_)
+      : tracer(scene, embree), points(points_), seed(seed_), sums(points_.size()) {}
+
+  void trace(const Group& group, uint32_t first, uint32_t count) {
     const float extent = tracer.embree().extent();
     parallelFor(group.size(), kPointsPerTask, [&](std::size_t begin, std::size_t end) {
       throwIfInterrupted();
@@ -68,59 +75,85 @@ struct Estimation {
     });
   }
 
-  // Passes from `first` on until the budget is met for this group; its median error is returned.
-  double run(const Group& group, uint32_t first, PassSchedule& schedule, double threshold,
-             std::vector<PassSums>& sums, const std::function<void(double)>& progress) {
-    double error = 0;
+  double medianError(const Group& group, Count counted) const {
+    std::vector<double> errors;
+    for (const std::size_t i : group) {
+      const bool is_bright = luminance(sums[i].mean()) > threshold;
+      if (counted == Count::all || is_bright == (counted == Count::bright))
+        errors.push_back(relativeError(sums[i], threshold));
+    }
+    return medianOf(std::move(errors));
+  }
+
+  // Goes on until the budget is met for this group; returns its median error.
+  double run(const Group& group, Count counted, uint32_t first, PassSchedule& schedule,
+             const std::function<void(double)>& progress) {
+    double error = schedule.passes() > 0 ? medianError(group, counted) : 0;
+    if (group.empty()) return error;
     while (const uint32_t count = schedule.next(error, timer.seconds())) {
-      trace(group, first + schedule.passes() - count, count, sums);
-      std::vector<double> errors;
-      for (const std::size_t i : group) errors.push_back(relativeError(sums[i], threshold));
-      error = medianOf(std::move(errors));
+      trace(group, first + schedule.passes() - count, count);
+      error = medianError(group, counted);
       if (progress) progress(schedule.share(schedule.passes(), error, timer.seconds()));
     }
     return error;
+  }
+
+  // Short passes at all points, left out of the result: they tell which points are dark, and
+  // whether connections to lit surfaces pay (variance times rays).
+  void pilot(const Group& all) {
+    const auto cost = [&](bool connect) {
+      tracer.setConnections(connect);
+      const uint64_t before = closest + shadow;
+      std::fill(sums.begin(), sums.end(), PassSums());
+      trace(all, 0, kPilotPasses);
+      threshold = darkThreshold(sums);
+      const double error = medianError(all, Count::all);
+      return error * error * static_cast<double>(closest + shadow - before);
+    };
+    if (tracer.connects()) {
+      const double without = cost(false);
+      if (cost(true) > without) tracer.setConnections(false);
+    } else {
+      cost(false);
+    }
   }
 };
 
 }  // namespace
 
 // A relative error is reached by bright and dark points on their own, since dark ones often need
-// many times the samples. Which is which, and what dark means, comes from a pilot whose samples are
-// then left out: the number of samples does not depend on the values that are averaged, but for the
-// passes' variance.
+// many times the samples. The groups come from a pilot that is then left out, so that the number of
+// samples does not depend on the values that are averaged but for their scatter.
 IrradianceEstimate estimateIrradiance(const Scene& scene, const EmbreeScene& embree,
                                       std::span<const IrradiancePoint> points,
                                       const SampleBudget& budget, uint64_t seed,
                                       const std::function<void(double)>& progress) {
   checkPoints(points);
-  const PathTracer tracer(scene, embree);
-  Estimation estimation{tracer, points, seed};
+  Estimation estimation(scene, embree, points, seed);
   PassSchedule schedule(budget, kSamplesPerPass), dark_schedule(budget, kSamplesPerPass);
-  Group all(points.size()), dark;
-  std::iota(all.begin(), all.end(), std::size_t{0});
-  std::vector<PassSums> sums(points.size());
-  double threshold = 0;
-  Group bright = all;
+  Group bright(points.size()), dark;
+  std::iota(bright.begin(), bright.end(), std::size_t{0});
+  uint32_t first = 0;
   if (budget.rel_error > 0) {
-    estimation.trace(all, 0, kPilotPasses, sums);
-    threshold = darkThreshold(sums);
-    std::erase_if(bright, [&](std::size_t i) { return luminance(sums[i].mean()) <= threshold; });
-    for (const std::size_t i : all)
-      if (luminance(sums[i].mean()) <= threshold) dark.push_back(i);
-    std::fill(sums.begin(), sums.end(), PassSums());
+    estimation.pilot(bright);
+    const auto split = std::stable_partition(bright.begin(), bright.end(), [&](std::size_t i) {
+      return luminance(estimation.sums[i].mean()) > estimation.threshold;
+    });
+    dark.assign(split, bright.end());
+    bright.erase(split, bright.end());
+    std::fill(estimation.sums.begin(), estimation.sums.end(), PassSums());
+    first = kPilotPasses;
   }
-  const uint32_t first = budget.rel_error > 0 ? kPilotPasses : 0;
-  const double share = static_cast<double>(bright.size()) / static_cast<double>(std::max<std::size_t>(1, all.size()));
-  const auto report = [&](double from, double to) -> std::function<void(double)> {
-    if (!progress) return {};
-    return [&progress, from, to](double done) { progress(from + (to - from) * done); };
-  };
   IrradianceEstimate result;
+  result.rel_error = estimation.run(bright, Count::all, first, schedule, progress);
+  if (!dark.empty() && schedule.passes() > 0) {
+    // As many as the bright ones first: the pilot takes some points for dark that are not.
+    estimation.trace(dark, first, schedule.passes());
+    dark_schedule.resume(schedule.passes());
+  }
   result.rel_error =
-      std::max(estimation.run(bright, first, schedule, threshold, sums, report(0, share)),
-               estimation.run(dark, first, dark_schedule, threshold, sums, report(share, 1)));
-  for (const PassSums& s : sums) {
+      std::max(result.rel_error, estimation.run(dark, Count::dark, first, dark_schedule, progress));
+  for (const PassSums& s : estimation.sums) {
     result.a.push_back(s.halfA());
     result.b.push_back(s.halfB());
     result.standard_error.push_back(Vec3f(sqrt(s.varianceOfMean())));

@@ -19,6 +19,8 @@ class PassSchedule {
 
   // Passes to add now, even; 0: done. `rel_error` is what the passes so far reached.
   uint32_t next(double rel_error, double elapsed_s);
+  // Counts `passes` as already traced.
+  void resume(uint32_t passes) { passes_ = passes; }
   uint32_t passes() const { return passes_; }
   uint32_t samples() const { return passes_ * samples_per_pass_; }
   // Estimate of the share done after `done` of the passes, in [0, 1].

@@ -52,8 +52,11 @@ PathTracer::PathTracer(const Scene& scene, const EmbreeScene& embree)
       lights_(makeLightData(scene)) {
   emitters_ = std::make_unique<LightSampler>(*scene.geometry, materials_, scene.sky);
   light_vertices_ = std::make_unique<LightVertexSampler>(lights_, embree);
+  setConnections(true);
 }
 PathTracer::~PathTracer() = default;
+
+void PathTracer::setConnections(bool on) { connect_ = on && !light_vertices_->empty(); }
 
 Vec3f PathTracer::skyRadiance(const Vec3f& direction) const {
   return emitters_->sky().radiance(direction);
@@ -142,11 +145,11 @@ Vec3f PathTracer::fieldIrradiance(const BoundedPoint& point, const Vec3f& geomet
   Vertex vertex{offsetOrigin(point, geometric_normal, geometric_normal), geometric_normal,
                 shading_normal};
   Vec3f result, throughput(1.0f);
-  const bool use_emitters = !emitters_->empty(), connect = !light_vertices_->empty();
+  const bool use_emitters = !emitters_->empty();
   for (uint32_t depth = 0;; ++depth) {
     const uint32_t dimension = depth * kPairsPerVertex;
     if (use_emitters) result += throughput * emitterIrradiance(vertex, sampler, dimension, rays);
-    if (connect) result += throughput * connectedIrradiance(vertex, sampler, dimension, rays);
+    if (connect_) result += throughput * connectedIrradiance(vertex, sampler, dimension, rays);
     if (depth >= kRouletteVertex) {
       // The product of albedos over survivals stays where it was: the largest albedo decides.
       const float survival = std::min(vertex.max_albedo, kMaxSurvival);
@@ -174,7 +177,7 @@ Vec3f PathTracer::fieldIrradiance(const BoundedPoint& point, const Vec3f& geomet
     throughput *= surface.albedo;
     if (isZero(throughput)) break;
     const Arrival arrival{cosine / kPi, hit.t, -dot(surface.geometric_normal, direction)};
-    result += throughput * lightsAt(surface, connect ? &arrival : nullptr, rays);
+    result += throughput * lightsAt(surface, connect_ ? &arrival : nullptr, rays);
     vertex = {offsetOrigin(surface.point, surface.geometric_normal, surface.geometric_normal),
               surface.geometric_normal, surface.shading_normal, maxComponent(surface.albedo)};
   }

@@ -36,6 +36,11 @@ class PathTracer {
   PathTracer(const Scene& scene, const EmbreeScene& embree);
   ~PathTracer();
 
+  // Connections to surfaces that lamps shine on: on where there are lamps, until switched off. The
+  // mean is the same either way; whether they pay depends on the scene.
+  bool connects() const { return connect_; }
+  void setConnections(bool on);
+
   // E_delta at a surface: direct irradiance, shadowed, exact but for rounding.
   Vec3f deltaIrradiance(const BoundedPoint& point, const Vec3f& geometric_normal,
                         const Vec3f& shading_normal, RayCount& rays) const;
@@ -64,6 +69,7 @@ class PathTracer {
   std::vector<LightData> lights_;
   std::unique_ptr<LightSampler> emitters_;
   std::unique_ptr<LightVertexSampler> light_vertices_;
+  bool connect_ = false;
 };
 
 struct IrradiancePoint {
