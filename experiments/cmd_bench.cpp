@@ -31,7 +31,6 @@ constexpr uint32_t kReferenceSamples = 64;
 struct BenchOptions {
   SceneOptions scene{.scene = "scenes/pillar_hall/scene.toml", .state = "", .camera = ""};
   FieldOptions field;
-  std::vector<std::string> require;
 };
 
 // The rays of update number `update`, as the generate stage makes them.
@@ -162,11 +161,7 @@ void runBench(const BenchOptions& options, const Invocation& invocation) {
   Json result = describe(setup, run, invocation);
   result["provenance"] = toJson(setup.provenance);
   requireNoValidationMessages(setup.gpu);
-  if (invocation.common.json)
-    printJson(result);
-  else
-    printResult(result);
-  checkRequirements(options.require, result);
+  reportResult(invocation, result, [&] { printResult(result); });
 }
 
 }  // namespace
@@ -191,7 +186,6 @@ void addBenchCommand(Program& program) {
       ->check(checkPositiveInteger)
       ->default_str(std::to_string(kDefaultUpdates))
       ->group("Field");
-  addRequireOption(app, options->require);
 }
 
 }  // namespace probelab

@@ -11,6 +11,7 @@
 #include "json.h"
 #include "program.h"
 #include "provenance.h"
+#include "require.h"
 #include "scene/load.h"
 #include "scene_check.h"
 #include "table.h"
@@ -219,10 +220,7 @@ void runCheck(const std::string& path, const Invocation& invocation) {
   const EmbreeScene embree(scene);
   Json json = describeScene(scene, checkScene(scene, embree));
   json["provenance"] = toJson(makeProvenance(invocation, scene));
-  if (invocation.common.json)
-    printJson(json);
-  else
-    printScene(json);
+  reportResult(invocation, json, [&] { printScene(json); });
 }
 
 }  // namespace

@@ -22,7 +22,6 @@ struct CompareOptions {
   std::vector<std::string> others;
   FlipOptions flip;
   std::optional<double> scale;
-  std::vector<std::string> require;
 };
 
 void runCompare(const CompareOptions& options, const Invocation& invocation) {
@@ -43,11 +42,7 @@ void runCompare(const CompareOptions& options, const Invocation& invocation) {
     writePictureStrip(options.picture, image, reference, others, options.scale);
   for (const Json& warning : result["warnings"])
     note(invocation, "warning: {}", warning.get<std::string>());
-  if (invocation.common.json)
-    printJson(result);
-  else
-    fmt::print("{}", formatImageErrors(result));
-  checkRequirements(options.require, result);
+  reportResult(invocation, result, [&] { fmt::print("{}", formatImageErrors(result)); });
 }
 
 }  // namespace
@@ -71,7 +66,6 @@ void addCompareCommand(Program& program) {
       ->type_name("B.exr")
       ->allow_extra_args(false)
       ->group("Output");
-  addRequireOption(app, options->require);
   app.add_option("--layer", options->layer,
                  "layer of all files, such as irradiance (default: the main one)")
       ->type_name("NAME")

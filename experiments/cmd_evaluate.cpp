@@ -11,6 +11,7 @@
 #include "commands.h"
 #include "device.h"
 #include "evaluation.h"
+#include "field_dump.h"
 #include "field_setup.h"
 #include "require.h"
 #include "table.h"
@@ -23,8 +24,7 @@ struct EvaluateOptions {
   SceneOptions scene;
   FieldOptions field;
   TruthOptions truth;
-  std::string receivers, split = "heldout", dump;
-  std::vector<std::string> require;
+  std::string receivers, split = "heldout", dump, dump_field;
 };
 
 Json workJson(const WorkCounts& work) {
@@ -34,11 +34,14 @@ Json workJson(const WorkCounts& work) {
           {"resolve_taps", work.resolve_taps}};
 }
 
-Json stabilityJson(const Counters& counters) {
-  return {{"non_finite", counters.non_finite_rays},
-          {"clamped", counters.clamped_texels},
-          {"fallback_queries", counters.fallback_queries},
-          {"tiny_weight_sum", counters.tiny_weight_sums}};
+// Rays and texels of all updates; queries at the receivers (`before` and `after` them), and apart
+// from these the updates' own bounce queries.
+Json stabilityJson(const Counters& before, const Counters& after) {
+  return {{"non_finite", after.non_finite_rays},
+          {"clamped", after.clamped_texels},
+          {"fallback_queries", after.fallback_queries - before.fallback_queries},
+          {"tiny_weight_sum", after.tiny_weight_sums - before.tiny_weight_sums},
+          {"bounce_fallback_queries", before.fallback_queries}};
 }
 
 Json convergedJson(const std::optional<ConvergeReport>& report) {
@@ -141,6 +144,7 @@ Truth loadTruth(const EvaluateOptions& options, const FieldSetup& setup,
 void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   const ScoredSplit split = parseScoredSplit(options.split);
   if (!options.dump.empty()) checkOutput(options.dump, ".csv");
+  if (!options.dump_field.empty()) checkDumpFolder(options.dump_field);
   FieldSetup setup(options.scene, options.field, invocation);
   const Truth truth = loadTruth(options, setup, invocation);
   ProbeField& field = *setup.field;
@@ -154,9 +158,7 @@ void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   Json result = describe(options, setup, run);
   result["receivers"] = receiversJson(options, truth.receivers, truth.from_cache);
   result["error"] = toJson(scoreEstimates(estimates, truth.receivers, split));
-  result["stability"] = stabilityJson(field.counters());
-  result["stability"]["receiver_fallback_queries"] =
-      field.counters().fallback_queries - before.fallback_queries;
+  result["stability"] = stabilityJson(before, field.counters());
   result["speed"] = measureSpeed(field, run, truth.receivers);
   if (temporal) result["temporal"] = record.toJson();
   result["provenance"] = toJson(setup.provenance);
@@ -164,11 +166,9 @@ void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
 
   if (!options.dump.empty())
     writeTextFile(options.dump, formatEstimates(estimates, truth.receivers, setup.scene));
-  if (invocation.common.json)
-    printJson(result);
-  else
-    printResult(result);
-  checkRequirements(options.require, result);
+  if (!options.dump_field.empty())
+    dumpField(options.dump_field, setup.scene, field, setup.provenance);
+  reportResult(invocation, result, [&] { printResult(result); });
 }
 
 }  // namespace
@@ -197,7 +197,10 @@ void addEvaluateCommand(Program& program) {
                  "every receiver with estimate and truth (irradiance; metres)")
       ->type_name("EST.csv")
       ->group("Output");
-  addRequireOption(app, options->require);
+  app.add_option("--dump-field", options->dump_field,
+                 "an existing folder for the field: atlases (EXR), probe positions, parameters")
+      ->type_name("DIR")
+      ->group("Output");
 }
 
 }  // namespace probelab

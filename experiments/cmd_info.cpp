@@ -15,6 +15,7 @@
 #include "gpu/context.h"
 #include "json.h"
 #include "program.h"
+#include "require.h"
 #include "table.h"
 #include "trace/embree_scene.h"
 
@@ -117,10 +118,7 @@ void runInfo(const Invocation& invocation) {
   const std::vector<DeviceInfo> devices = listDevices();
   const DeviceChoice choice = choose(devices, invocation.common.device);
   const Json json = describe(devices, choice);
-  if (invocation.common.json)
-    printJson(json);
-  else
-    printInfo(json);
+  reportResult(invocation, json, [&] { printInfo(json); });
   if (!choice.index) throw DeviceError(choice.problem);
 }
 

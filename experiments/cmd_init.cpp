@@ -13,6 +13,7 @@
 #include "json.h"
 #include "program.h"
 #include "provenance.h"
+#include "require.h"
 #include "scene/init.h"
 #include "scene/load.h"
 #include "scene_check.h"
@@ -80,10 +81,7 @@ void runInit(const InitOptions& options, const Invocation& invocation) {
         fmt::format("probelab reference {} -o {}_reference.exr --spp 64", options.output, stem),
         fmt::format("probelab evaluate {} --params rtxgi", options.output)}},
       {"provenance", toJson(makeProvenance(invocation, scene))}};
-  if (invocation.common.json)
-    printJson(result);
-  else
-    printSummary(result);
+  reportResult(invocation, result, [&] { printSummary(result); });
 }
 
 }  // namespace

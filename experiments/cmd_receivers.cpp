@@ -11,6 +11,7 @@
 #include "json.h"
 #include "program.h"
 #include "provenance.h"
+#include "require.h"
 #include "table.h"
 #include "truth.h"
 
@@ -80,12 +81,11 @@ void runReceivers(const ReceiversOptions& options, const Invocation& invocation)
   writeReceivers(options.output, truth.receivers, scene);
   note(invocation, "wrote {}", options.output);
   Json result = summarize(truth);
-  if (!invocation.common.json) return printSummary(result);
   result["output"] = options.output;
   result["scene"] = scene.name;
   result["state"] = scene.state;
   result["provenance"] = toJson(makeProvenance(invocation, scene));
-  printJson(result);
+  reportResult(invocation, result, [&] { printSummary(result); });
 }
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include "json.h"
 #include "program.h"
 #include "provenance.h"
+#include "require.h"
 #include "scene_options.h"
 #include "table.h"
 #include "trace/reference_image.h"
@@ -114,7 +115,6 @@ void runReference(const ReferenceOptions& options, const Invocation& invocation)
   writeExr(options.output, file);
   writePng(picture, toneMap(radiance, {.exposure_stops = exposure}));
   note(invocation, "wrote {} and {}", options.output, picture.string());
-  if (!invocation.common.json) return printSummary(result);
   result["output"] = options.output;
   result["picture"] = picture.string();
   result["exposure_stops"] = exposure;
@@ -122,7 +122,7 @@ void runReference(const ReferenceOptions& options, const Invocation& invocation)
   result["state"] = scene.state;
   result["camera"] = camera.name;
   result["provenance"] = toJson(provenance);
-  printJson(result);
+  reportResult(invocation, result, [&] { printSummary(result); });
 }
 
 }  // namespace

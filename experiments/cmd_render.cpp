@@ -18,6 +18,7 @@
 #include "image/exr.h"
 #include "image/png.h"
 #include "image/tonemap.h"
+#include "require.h"
 #include "table.h"
 
 namespace probelab {
@@ -114,11 +115,12 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
   writeExr(options.output, image.file);
   writePng(picture, toneMap(image.image(), {.exposure_stops = exposure}));
   note(invocation, "wrote {} and {}", options.output, picture.string());
-  if (invocation.common.json) return printJson(result);
-  fmt::print("{}", formatFields({{"probes", fmt::format("{}", setup.field->probeCount())},
-                                 {"parameters", setup.params.name},
-                                 {"updates", fmt::format("{}", run.updates)}}));
-  if (reference) fmt::print("\n{}", formatImageErrors(result["comparison"]));
+  reportResult(invocation, result, [&] {
+    fmt::print("{}", formatFields({{"probes", fmt::format("{}", setup.field->probeCount())},
+                                   {"parameters", setup.params.name},
+                                   {"updates", fmt::format("{}", run.updates)}}));
+    if (reference) fmt::print("\n{}", formatImageErrors(result["comparison"]));
+  });
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/files.h"
 #include "help.h"
+#include "require.h"
 
 namespace probelab {
 namespace {
@@ -58,6 +59,7 @@ void addCommonOptions(CLI::App& app, CommonOptions& options) {
       ->group(kCommonGroup);
   app.add_flag("--quiet", options.quiet, "no progress and no notes on stderr")->group(kCommonGroup);
   options.validation = environmentSwitch("PROBELAB_VALIDATION");
+  addRequireOption(app, options.require);
 }
 
 void addSceneArgument(CLI::App& app, std::string& scene) {

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace CLI {
 class App;
@@ -21,6 +22,7 @@ struct CommonOptions {
   int threads = 0;     // 0: all of the machine's
   std::string cache = "results/runs/cache";
   bool validation = false;
+  std::vector<std::string> require;  // conditions on the JSON, require.h
 };
 
 // `validation` is also set by the environment variable PROBELAB_VALIDATION (anything but "" and

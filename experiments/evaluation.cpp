@@ -49,7 +49,23 @@ Json kindJson(const std::optional<ErrorMetrics>& metrics,
   return json;
 }
 
-double luminance(const Vec3f& v) { return 0.2126 * v.x + 0.7152 * v.y + 0.0722 * v.z; }
+double scoredMean(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                  ScoredSplit split) {
+  double sum = 0, area = 0;
+  for (std::size_t i = 0; i < estimates.size(); ++i) {
+    if (!isScored(receivers.points[i], split)) continue;
+    sum += receivers.points[i].area * luminance(Vec3d(estimates[i]));
+    area += receivers.points[i].area;
+  }
+  return area > 0 ? sum / area : 0;
+}
+
+// Number of the first update that reaches `share` of the last one's mean.
+Json updatesTo(const std::vector<double>& means, double share) {
+  for (std::size_t i = 0; i < means.size(); ++i)
+    if (means[i] >= share * means.back()) return i + 1;
+  return nullptr;
+}
 
 }  // namespace
 
@@ -166,21 +182,24 @@ std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers
 void TemporalRecord::add(int done, int total) {
   const bool checkpoint = done == 1 || done == 4 || done == 16 || done == 64;
   const bool in_window = total >= kFlickerWindow && done > total - kFlickerWindow;
-  if (!checkpoint && !in_window) return;
   const std::vector<Vec3f> estimates = queryReceivers(field_, receivers_);
+  means_.push_back(scoredMean(estimates, receivers_, split_));
   if (checkpoint)
     nrmse_after_.emplace_back(done, scoreEstimates(estimates, receivers_, split_).all.nrmse);
   if (!in_window) return;
   sum_.resize(estimates.size()), sum_of_squares_.resize(estimates.size());
   for (std::size_t i = 0; i < estimates.size(); ++i) {
-    const double l = luminance(estimates[i]);
+    const double l = luminance(Vec3d(estimates[i]));
     sum_[i] += l, sum_of_squares_[i] += l * l;
   }
   ++window_;
 }
 
 Json TemporalRecord::toJson() const {
-  Json json = {{"nrmse_after", Json::object()}, {"flicker", nullptr}};
+  Json json = {{"nrmse_after", Json::object()},
+               {"updates_to_90", updatesTo(means_, 0.9)},
+               {"updates_to_99", updatesTo(means_, 0.99)},
+               {"flicker", nullptr}};
   for (const auto& [updates, nrmse] : nrmse_after_)
     json["nrmse_after"][std::to_string(updates)] = optionalNumber(nrmse);
   double flicker = 0, weight = 0;

@@ -40,8 +40,9 @@ class TemporalRecord {
   TemporalRecord(ProbeField& field, const Receivers& receivers, ScoredSplit split)
       : field_(field), receivers_(receivers), split_(split) {}
   void add(int done, int total);
-  // {"nrmse_after": {"1": ...}, "flicker": mean over receivers of sigma / mu of luminance over the
-  // last 32 updates, by area, or null when fewer were run}.
+  // {"nrmse_after": {"1": ...}, "updates_to_90": first update after which the mean over receivers
+  // is at least 90 % of the last one, "updates_to_99", "flicker": mean over receivers of sigma / mu
+  // of luminance over the last 32 updates, by area, or null when fewer were run}.
   Json toJson() const;
 
  private:
@@ -49,6 +50,7 @@ class TemporalRecord {
   const Receivers& receivers_;
   ScoredSplit split_;
   std::vector<std::pair<int, std::optional<double>>> nrmse_after_;
+  std::vector<double> means_;                 // of luminance by area, [update]
   std::vector<double> sum_, sum_of_squares_;  // of luminance, [receiver]
   int window_ = 0;
 };

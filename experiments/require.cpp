@@ -131,4 +131,13 @@ void checkRequirements(const std::vector<std::string>& texts, const Json& result
     throw RequirementNotMet(fmt::format("not met: {}", fmt::join(failures, "; ")));
 }
 
+void reportResult(const Invocation& invocation, const Json& result,
+                  const std::function<void()>& print_text) {
+  if (invocation.common.json)
+    printJson(result);
+  else
+    print_text();
+  checkRequirements(invocation.common.require, result);
+}
+
 }  // namespace probelab

@@ -3,11 +3,13 @@
 // with exit code 3, so that scripts and continuous integration can hold results to a bound.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
 #include "json.h"
+#include "program.h"
 
 namespace CLI {
 class App;
@@ -39,5 +41,11 @@ void addRequireOption(CLI::App& app, std::vector<std::string>& texts);
 // null, RequirementNotMet naming all that are not met: name, wanted, measured. A name is looked up
 // from the root, then in "error" and in "speed".
 void checkRequirements(const std::vector<std::string>& texts, const Json& result);
+
+// The end of every command: prints the result on stdout, as JSON or by `print_text`, and holds it
+// to
+// --require.
+void reportResult(const Invocation& invocation, const Json& result,
+                  const std::function<void()>& print_text);
 
 }  // namespace probelab

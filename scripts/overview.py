@@ -51,7 +51,7 @@ class Progress:
 class Study:
     def __init__(self, study, program, folder, device):
         self.study, self.program, self.folder = study, program, folder
-        self.common = ["--quiet", "--cache", str(folder.parent / "cache")]
+        self.common = ["--quiet", "--cache", os.path.relpath(folder.parent / "cache")]
         if device:
             self.common += ["--device", device]
         steps = {"receivers": 1, "evaluate": len(study["presets"]), "reference": 1,
@@ -79,9 +79,9 @@ class Study:
         name = path.parent.name
         if path.stem != "scene":
             name += path.stem.removeprefix("scene")
-        folder = self.folder / name
+        folder = pathlib.Path(os.path.relpath(self.folder)) / name
         folder.mkdir(parents=True, exist_ok=True)
-        toml = ROOT / scene
+        toml = scene
         truth = ["--count", s["receivers"], "--rel-error", s["rel_error"]]
         field = ["--probes", s["probes"], "--rays", s["rays"], "--updates", s["updates"]]
         size = ["--width", s["picture_size"][0], "--height", s["picture_size"][1]]

@@ -11,6 +11,8 @@
 namespace probelab {
 namespace {
 
+constexpr std::size_t kShown = 24;  // a longer list tells nobody anything
+
 std::size_t editDistance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
@@ -42,7 +44,9 @@ std::string suggestion(std::string_view name, std::span<const std::string> candi
   const std::string nearest = nearestName(name, candidates);
   if (!nearest.empty()) return fmt::format(", did you mean '{}'?", nearest);
   if (candidates.empty()) return ", there are none";
-  return fmt::format("; known are: {}", fmt::join(candidates, ", "));
+  const std::span<const std::string> shown = candidates.first(std::min(candidates.size(), kShown));
+  return fmt::format("; known are: {}{}", fmt::join(shown, ", "),
+                     shown.size() < candidates.size() ? ", ..." : "");
 }
 
 }  // namespace probelab

@@ -53,9 +53,10 @@ ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
 
 void validateLayout(const ProbeLayout& layout, const Params& params) {
   if (layout.positions.empty())
-    throwInput("{}: the layout stores no probe: none of its points lies in reachable free space; "
-               "ask for more probes or check the volume",
-               layout.strategy);
+    throwInput(
+        "{}: the layout stores no probe: none of its points lies in reachable free space; "
+        "ask for more probes or check the volume",
+        layout.strategy);
   if (layout.probe_of_point.size() != static_cast<std::size_t>(layout.lattice.pointCount()))
     throwInput("{}: the index has {} entries for {} lattice points", layout.strategy,
                layout.probe_of_point.size(), layout.lattice.pointCount());
@@ -63,8 +64,8 @@ void validateLayout(const ProbeLayout& layout, const Params& params) {
   if (!usable(layout.bias_length_m) || !usable(layout.support_radius_m))
     throwInput("{}: probes coincide (spacing {} m); ask for fewer probes or a larger volume",
                layout.strategy, layout.bias_length_m);
-  const uint64_t side = static_cast<uint64_t>(std::max(params.irradiance_texels,
-                                                       params.visibility ? params.moment_texels : 0));
+  const uint64_t side = static_cast<uint64_t>(
+      std::max(params.irradiance_texels, params.visibility ? params.moment_texels : 0));
   if (layout.positions.size() * side * side * 4 >= (uint64_t{1} << 31))
     throwInput("{}: {} probes with {} x {} texels are more than an atlas can index; use fewer",
                layout.strategy, layout.positions.size(), side, side);

@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <toml++/toml.h>
 #include <algorithm>
 #include <cmath>
 #include <sstream>
-#include <toml++/toml.h>
 #include <variant>
 
 #include "base/error.h"
@@ -67,8 +67,7 @@ const std::vector<Key>& keys() {
       {"visibility", "", SwitchKey{&Params::visibility}, "weigh probes by their distance moments"},
       {"normal_bias", "x s_i", RealKey{&Params::normal_bias, 0, 2},
        "higher against self-shadowing, lower against leaks through thin walls"},
-      {"view_bias", "x s_i", RealKey{&Params::view_bias, 0, 2},
-       "the same, towards the viewer"},
+      {"view_bias", "x s_i", RealKey{&Params::view_bias, 0, 2}, "the same, towards the viewer"},
       {"facing", "", ChoiceKey{&Params::facing, {"none", "wrap", "wrap_biased"}},
        "favour probes in front of the surface"},
       {"facing_offset", "", RealKey{&Params::facing_offset, 0, 10},
@@ -223,7 +222,8 @@ void setParam(Params& params, const std::string& assignment) {
   const std::string name = assignment.substr(0, equals);
   const std::string value = assignment.substr(equals + 1);
   const Key& key = findKey(name, where);
-  const bool bare_name = std::holds_alternative<ChoiceKey>(key.kind) && value.find('"') == std::string::npos;
+  const bool bare_name =
+      std::holds_alternative<ChoiceKey>(key.kind) && value.find('"') == std::string::npos;
   const toml::table table =
       parseToml(bare_name ? fmt::format("v = \"{}\"", value) : "v = " + value, where);
   if (table.get("v") == nullptr || table.size() != 1) throwInput("{}: one value is needed", where);
@@ -275,8 +275,7 @@ QueryParams<double> queryParams(const Params& params) {
   // Half a unit in the last place of a stored moment: below it a variance is rounding alone.
   query.variance_floor = params.moment_format == PL_FORMAT_RG32F ? 0x1p-24 : 0x1p-11;
   query.crush_threshold = params.crush_threshold;
-  query.decode_exponent =
-      params.encoding_gamma * (params.average == PL_AVERAGE_LINEAR ? 1.0 : 0.5);
+  query.decode_exponent = params.encoding_gamma * (params.average == PL_AVERAGE_LINEAR ? 1.0 : 0.5);
   return query;
 }
 

@@ -61,11 +61,11 @@ uint32_t probesPerBatch(const GpuContext& context, const Scene& scene, const Par
 }
 
 GpuBuffer uploadConstants(GpuContext& context, const ProbeLayout& layout, const Params& params) {
-  const FieldConstants constants{latticeShape(layout, params),
-                                 convertQueryParams<float>(queryParams(params)),
-                                 {1.0f / layout.support_radius_m,
-                                  static_cast<float>(params.distance_clamp),
-                                  static_cast<float>(params.backface_shortening)}};
+  const FieldConstants constants{
+      latticeShape(layout, params),
+      convertQueryParams<float>(queryParams(params)),
+      {1.0f / layout.support_radius_m, static_cast<float>(params.distance_clamp),
+       static_cast<float>(params.backface_shortening)}};
   return createBufferFrom(context, std::span<const FieldConstants>(&constants, 1),
                           MemoryUse::device, "field constants");
 }
@@ -90,8 +90,7 @@ ProbeField::ProbeField(GpuContext& context, const Scene& scene, const EmbreeScen
           createBufferFrom(context, layout.positions, MemoryUse::device, "probe positions")),
       directions_(createBuffer(context, sizeof(Vec3f) * static_cast<uint64_t>(params.rays),
                                MemoryUse::device, "directions")),
-      counter_buffer_(
-          createBuffer(context, sizeof(Counters), MemoryUse::device, "counters")) {
+      counter_buffer_(createBuffer(context, sizeof(Counters), MemoryUse::device, "counters")) {
   createAtlas(context, irradiance_, true);
   if (params.visibility != 0) createAtlas(context, moments_, false);
   createFieldStages(context);
@@ -127,10 +126,8 @@ void ProbeField::createAtlas(GpuContext& context, Atlas& atlas, bool is_irradian
                                     {"ATLAS", &atlas.copies[0]},
                                     {"COUNTERS", &counter_buffer_}};
   if (atlas.average) inputs.push_back({"AVERAGE", &atlas.average});
-  atlas.blend[0] =
-      makeStage(context, "ddgi/blend.comp.glsl", defines, inputs, sizeof(BlendPush));
-  atlas.blend[1] =
-      atlas.blend[0].with("PREVIOUS", atlas.copies[0]).with("ATLAS", atlas.copies[1]);
+  atlas.blend[0] = makeStage(context, "ddgi/blend.comp.glsl", defines, inputs, sizeof(BlendPush));
+  atlas.blend[1] = atlas.blend[0].with("PREVIOUS", atlas.copies[0]).with("ATLAS", atlas.copies[1]);
 }
 
 void ProbeField::createFieldStages(GpuContext& context) {
@@ -234,8 +231,10 @@ void ProbeField::readCounters() {
 std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
   std::vector<Vec4f> results(points.size());
   for (std::size_t first = 0; first < points.size(); first += kQueryChunk) {
-    const auto part = points.subspan(first, std::min<std::size_t>(kQueryChunk, points.size() - first));
-    const GpuBuffer point_buffer = createBufferFrom(context_, part, MemoryUse::device, "query points");
+    const auto part =
+        points.subspan(first, std::min<std::size_t>(kQueryChunk, points.size() - first));
+    const GpuBuffer point_buffer =
+        createBufferFrom(context_, part, MemoryUse::device, "query points");
     const GpuBuffer result_buffer =
         createBuffer(context_, part.size() * sizeof(Vec4f), MemoryUse::device, "query results");
     const Stage stage = query_[static_cast<std::size_t>(current_)]
@@ -256,7 +255,8 @@ std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
 
 std::vector<double> ProbeField::timeQuery(std::span<const QueryPoint> points, int repeats) {
   const auto part = points.first(std::min<std::size_t>(points.size(), kQueryChunk));
-  const GpuBuffer point_buffer = createBufferFrom(context_, part, MemoryUse::device, "query points");
+  const GpuBuffer point_buffer =
+      createBufferFrom(context_, part, MemoryUse::device, "query points");
   const GpuBuffer result_buffer =
       createBuffer(context_, part.size() * sizeof(Vec4f), MemoryUse::device, "query results");
   const Stage stage = query_[static_cast<std::size_t>(current_)]
@@ -277,7 +277,8 @@ ProbeField::RayResults ProbeField::shadeRays(std::span<const Ray> rays) {
   RayResults results{std::vector<Vec4f>(rays.size()), std::vector<Vec4f>(rays.size())};
   const RayBuffers& buffers = batch_.buffers();
   for (std::size_t first = 0; first < rays.size(); first += buffers.capacity) {
-    const auto part = rays.subspan(first, std::min<std::size_t>(buffers.capacity, rays.size() - first));
+    const auto part =
+        rays.subspan(first, std::min<std::size_t>(buffers.capacity, rays.size() - first));
     const auto count = static_cast<uint32_t>(part.size());
     batch_.uploadRays(part);
     batch_.trace(recorder_, count);

@@ -23,8 +23,7 @@ RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, boo
   buffers.capacity = capacity;
   buffers.rays = createBuffer(context, n * sizeof(Ray), MemoryUse::host_visible, "rays");
   buffers.hits = createBuffer(context, n * sizeof(Hit), shared, "hits");
-  buffers.surfaces =
-      createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
+  buffers.surfaces = createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
   buffers.radiance = createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "radiance");
   buffers.distances = createBuffer(context, n * sizeof(Vec2f), MemoryUse::device, "distances");
   buffers.hit_irradiance =
@@ -58,20 +57,18 @@ RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& e
   if (tracer == TracerKind::automatic)
     tracer = device.ray_query && !device.is_cpu ? TracerKind::rayquery : TracerKind::embree;
   if (tracer == TracerKind::rayquery && !device.ray_query)
-    throw DeviceError(fmt::format("{} has no ray query; use --tracer embree, or a newer driver",
-                                  device.name));
+    throw DeviceError(
+        fmt::format("{} has no ray query; use --tracer embree, or a newer driver", device.name));
   const bool has_lights = scene_.light_count > 0;
   buffers_ = makeBuffers(context, capacity, tracer == TracerKind::embree, has_lights);
   tracer_name_ = tracer == TracerKind::embree ? "embree" : "rayquery";
   if (scene_.features.triangles)
-    tracer_ = tracer == TracerKind::embree
-                  ? makeEmbreeTracer(embree, buffers_)
-                  : makeRayQueryTracer(context, scene, scene_, buffers_);
+    tracer_ = tracer == TracerKind::embree ? makeEmbreeTracer(embree, buffers_)
+                                           : makeRayQueryTracer(context, scene, scene_, buffers_);
 
   const Defines defines = sceneDefines(scene_.features);
-  std::vector<StageInput> inputs = {{"RAYS", &buffers_.rays},
-                                    {"HITS", &buffers_.hits},
-                                    {"SURFACES", &buffers_.surfaces}};
+  std::vector<StageInput> inputs = {
+      {"RAYS", &buffers_.rays}, {"HITS", &buffers_.hits}, {"SURFACES", &buffers_.surfaces}};
   for (const StageInput& input : sceneInputs(scene_)) inputs.push_back(input);
   if (scene_.sky) inputs.push_back({"SKY", &scene_.sky});
   if (scene_.sky_image) inputs.push_back({"SKY_IMAGE", &scene_.sky_image});
@@ -84,8 +81,7 @@ RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& e
                                         : StageInput{"OCCLUDED", &buffers_.occluded};
     (pass == 0 ? shadow_rays_ : add_light_) = makeStage(
         context, "ddgi/light.comp.glsl", light_defines,
-        {{"LIGHTS", &scene_.lights}, {"SURFACES", &buffers_.surfaces}, output},
-        sizeof(LightPush));
+        {{"LIGHTS", &scene_.lights}, {"SURFACES", &buffers_.surfaces}, output}, sizeof(LightPush));
   }
 }
 

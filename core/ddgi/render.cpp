@@ -53,8 +53,7 @@ FieldImage renderField(ProbeField& field, const Camera& camera, int width, int h
   const float weight = 1.0f / static_cast<float>(spp);
   for (int sample = 0; sample < spp; ++sample) {
     throwIfInterrupted();
-    const ProbeField::RayResults results =
-        field.shadeRays(pixelRays(camera, image, sample, seed));
+    const ProbeField::RayResults results = field.shadeRays(pixelRays(camera, image, sample, seed));
     for (std::size_t i = 0; i < pixels; ++i) {
       const Vec4f& l = results.radiance[i];
       const Vec4f& e = results.irradiance[i];

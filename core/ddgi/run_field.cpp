@@ -10,14 +10,16 @@
 namespace probelab {
 namespace {
 
-constexpr double kForget = 0.1;       // share of the burn-in's own error that may remain
+constexpr double kForget = 0.1;  // share of the burn-in's own error that may remain
 constexpr int kMaxMixing = 64;
 constexpr double kRoundingFloor = 2e-3;  // relative change that a small format may keep up for ever
 
 // Change between two fields relative to the newer one, in linear irradiance.
 double relativeChange(const std::vector<Vec3f>& before, const std::vector<Vec3f>& after,
                       double gamma) {
-  const auto linear = [gamma](float stored) { return std::pow(static_cast<double>(stored), gamma); };
+  const auto linear = [gamma](float stored) {
+    return std::pow(static_cast<double>(stored), gamma);
+  };
   double change = 0, total = 0;
   for (std::size_t i = 0; i < after.size(); ++i)
     for (std::size_t c = 0; c < 3; ++c) {

@@ -23,8 +23,8 @@ GpuMaterial gpuMaterial(const MaterialData& m) {
   material.metallic_texture = m.metallic_texture;
   material.emission_texture = m.emission_texture;
   material.alpha_cutoff = m.alpha_cutoff;
-  material.flags = (m.double_sided ? kMaterialDoubleSided : 0u) |
-                   (m.alpha_mask ? kMaterialAlphaMask : 0u);
+  material.flags =
+      (m.double_sided ? kMaterialDoubleSided : 0u) | (m.alpha_mask ? kMaterialAlphaMask : 0u);
   return material;
 }
 

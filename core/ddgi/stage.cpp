@@ -51,8 +51,7 @@ void StageRecorder::dispatch(const std::string& name, const Stage& stage,
   std::vector<const GpuBuffer*> buffers;
   for (const StageInput& input : stage.inputs) buffers.push_back(input.buffer);
   commands_.timestamp(name);
-  commands_.dispatch(*stage.pipeline, buffers, stage.acceleration_structure, push,
-                     groups);
+  commands_.dispatch(*stage.pipeline, buffers, stage.acceleration_structure, push, groups);
   commands_.barrier();
   commands_.timestamp(name);
   recorded_.push_back(name);

@@ -116,6 +116,23 @@ uint32_t countDuplicates(std::vector<Corners> triangles) {
   return count;
 }
 
+// Consecutive primitives of one node and mesh ("node / mesh / primitive"): a primitive is what has
+// one material, so it is open wherever the next one begins.
+std::vector<MeshRange> wholeMeshes(const std::vector<MeshRange>& primitives) {
+  std::vector<MeshRange> meshes;
+  for (const MeshRange& primitive : primitives) {
+    const std::string name = primitive.name.substr(0, primitive.name.rfind(" / "));
+    const bool continues =
+        !meshes.empty() && meshes.back().name == name &&
+        meshes.back().first_triangle + meshes.back().triangle_count == primitive.first_triangle;
+    if (continues)
+      meshes.back().triangle_count += primitive.triangle_count;
+    else
+      meshes.push_back({name, primitive.first_triangle, primitive.triangle_count});
+  }
+  return meshes;
+}
+
 }  // namespace
 
 MeshReport reportMesh(const Scene& scene) {
@@ -135,7 +152,7 @@ MeshReport reportMesh(const Scene& scene) {
   }
   report.welded_vertices = static_cast<uint32_t>(std::count(used.begin(), used.end(), true));
   report.all = countEdges("scene", triangles);
-  for (const MeshRange& mesh : g.meshes)
+  for (const MeshRange& mesh : wholeMeshes(g.meshes))
     report.meshes.push_back(countEdges(
         mesh.name, std::span(triangles).subspan(mesh.first_triangle, mesh.triangle_count)));
   report.duplicate_triangles = countDuplicates(std::move(triangles));

@@ -75,8 +75,7 @@ RayValue traceValue(const PathTracer& tracer, const EmbreeScene& embree, const V
   const Surface s = surfaceAt(tracer.geometry(), tracer.materials(), hit, direction);
   if (s.is_black_backface) return {Vec3d(), -static_cast<double>(hit.t)};
   RayCount rays;
-  Vec3d irradiance(
-      tracer.deltaIrradiance(s.point, s.geometric_normal, s.shading_normal, rays));
+  Vec3d irradiance(tracer.deltaIrradiance(s.point, s.geometric_normal, s.shading_normal, rays));
   if (previous != nullptr) {
     const QueryPoint point{s.point.position, s.shading_normal, direction};
     irradiance += querySnapshot<double>(*previous, previous->params, point).irradiance;
@@ -210,8 +209,9 @@ TEST_P(QueryOracle, DeviceEqualsHost) {
   const std::vector<Vec4f> device = field->query(points);
   double largest_tap = 0;
   for (const Vec3f& texel : snapshot.irradiance)
-    largest_tap = std::max(largest_tap, std::numbers::pi * std::pow(static_cast<double>(maxComponent(texel)),
-                                                                    params.encoding_gamma));
+    largest_tap =
+        std::max(largest_tap, std::numbers::pi * std::pow(static_cast<double>(maxComponent(texel)),
+                                                          params.encoding_gamma));
   for (std::size_t i = 0; i < points.size(); ++i) {
     const auto host = querySnapshot<double>(snapshot, snapshot.params, points[i]);
     const auto host_f =
@@ -227,8 +227,8 @@ TEST_P(QueryOracle, DeviceEqualsHost) {
 INSTANTIATE_TEST_SUITE_P(Presets, QueryOracle, ::testing::Values("classic", "gdc2019", "rtxgi"),
                          [](const auto& info) { return std::string(info.param); });
 
-// Every pair of map points that mean one direction reads the same value, on the folds of the map and
-// at its corners: the border repeats the right texels.
+// Every pair of map points that mean one direction reads the same value, on the folds of the map
+// and at its corners: the border repeats the right texels.
 TEST_F(FieldOracle, MapsAreContinuousAcrossSeamsAndCorners) {
   const FieldScene scene(roomScene());
   const Params params = exactParams("rtxgi");
@@ -276,9 +276,8 @@ TEST_F(FieldOracle, TracersAgree) {
   const std::vector<QueryPoint> points = randomPoints(scene.scene.bounds, 2000, 12);
   std::vector<Vec4f> answers[2];
   for (const int i : {0, 1}) {
-    const auto field =
-        scene.field(gpu(), layout, exactParams("rtxgi"),
-                    {.tracer = i == 0 ? TracerKind::embree : TracerKind::rayquery});
+    const auto field = scene.field(gpu(), layout, exactParams("rtxgi"),
+                                   {.tracer = i == 0 ? TracerKind::embree : TracerKind::rayquery});
     convergeField(*field, {.average = 8});
     answers[i] = field->query(points);
   }
@@ -306,8 +305,8 @@ TEST_F(FieldOracle, BatchesThreadsAndRepeatsChangeNoByte) {
   EXPECT_EQ(once, atlasAfterUpdates(gpu(), scene, {.seed = 1}));
   // 5 probes a batch, and one.
   const uint64_t probe_bytes = rayBytes(true) * 256;
-  EXPECT_EQ(once, atlasAfterUpdates(gpu(), scene,
-                                    {.seed = 1, .working_set_bytes = 5 * probe_bytes}));
+  EXPECT_EQ(once,
+            atlasAfterUpdates(gpu(), scene, {.seed = 1, .working_set_bytes = 5 * probe_bytes}));
   EXPECT_EQ(once, atlasAfterUpdates(gpu(), scene, {.seed = 1, .working_set_bytes = 1}));
   {
     const ThreadLimit one_thread(1);

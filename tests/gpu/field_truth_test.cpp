@@ -52,8 +52,8 @@ TEST_P(Furnace, FieldIsTheGeometricSeries) {
   const auto [albedo, preset] = GetParam();
   const FieldScene scene(test::furnaceScene(albedo, 1.0f));
   const Box3f box{Vec3f(0.05f), Vec3f(1.95f)};
-  const auto field = scene.field(gpu(), boxLayout(box, Vec3i(3, 3, 3), scene.scene.bounds),
-                                 exactParams(preset));
+  const auto field =
+      scene.field(gpu(), boxLayout(box, Vec3i(3, 3, 3), scene.scene.bounds), exactParams(preset));
   const ConvergeReport report = convergeField(*field, {.average = 8});
   EXPECT_TRUE(report.settled);
   const float truth = kPi / (1 - albedo);
@@ -64,14 +64,13 @@ TEST_P(Furnace, FieldIsTheGeometricSeries) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Presets, Furnace,
-    ::testing::Combine(::testing::Values(0.5f, 0.9f),
-                       ::testing::Values("classic", "gdc2019", "rtxgi")),
-    [](const auto& info) {
-      return std::string(std::get<1>(info.param)) +
-             (std::get<0>(info.param) == 0.5f ? "Albedo50" : "Albedo90");
-    });
+INSTANTIATE_TEST_SUITE_P(Presets, Furnace,
+                         ::testing::Combine(::testing::Values(0.5f, 0.9f),
+                                            ::testing::Values("classic", "gdc2019", "rtxgi")),
+                         [](const auto& info) {
+                           return std::string(std::get<1>(info.param)) +
+                                  (std::get<0>(info.param) == 0.5f ? "Albedo50" : "Albedo90");
+                         });
 
 Scene linearSkyScene(const Vec3f& radiance, const Vec3f& linear) {
   SceneBuilder builder;
@@ -106,8 +105,9 @@ TEST_F(FieldTruth, LinearSkyIsInEveryTexel) {
 // Misses everywhere: irradiance of the sky, distances clamped.
 TEST_F(FieldTruth, ProbesThatSeeNothingHoldTheSkyAndTheClampedDistance) {
   const FieldScene scene(linearSkyScene(Vec3f(2), Vec3f(0)));
-  const auto field = scene.field(
-      gpu(), boxLayout(scene.scene.bounds, Vec3i(1, 1, 1), scene.scene.bounds), exactParams("rtxgi"));
+  const auto field =
+      scene.field(gpu(), boxLayout(scene.scene.bounds, Vec3i(1, 1, 1), scene.scene.bounds),
+                  exactParams("rtxgi"));
   field->update(0, {}, {});
   for (const Vec2f& moments : field->momentTexels()) {
     EXPECT_NEAR(moments.x, 1.5f, 1e-5f);
@@ -128,9 +128,9 @@ TEST_F(FieldTruth, DiffuseSphereHasUniformIndirectIrradiance) {
   builder.sphere(Vec3f(0), radius, 4, builder.material(Vec3f(albedo)), true);
   builder.pointLight(Vec3f(0.5f, 0.4f, -0.3f), Vec3f(candela));
   const FieldScene scene(builder.finish());
-  const auto field = scene.field(
-      gpu(), boxLayout({Vec3f(-1.1f), Vec3f(1.1f)}, Vec3i(4, 4, 4), scene.scene.bounds),
-      exactParams("rtxgi"));
+  const auto field =
+      scene.field(gpu(), boxLayout({Vec3f(-1.1f), Vec3f(1.1f)}, Vec3i(4, 4, 4), scene.scene.bounds),
+                  exactParams("rtxgi"));
   convergeField(*field, {.average = 32});
   Rng rng(2, RngStream::test);
   std::vector<QueryPoint> points;

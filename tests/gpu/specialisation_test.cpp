@@ -12,10 +12,14 @@ using Words = std::vector<uint32_t>;
 
 // resolve.comp.glsl with everything else as in the preset rtxgi.
 Words compileResolve(const std::string& name, const std::string& value) {
-  Defines defines = {{"PL_FACING", "1"},          {"PL_TRILINEAR", "2"},
-                     {"PL_VISIBILITY", "1"},      {"PL_CRUSH", "2"},
-                     {"PL_AVERAGE", "1"},         {"PL_FALLBACK", "1"},
-                     {"PL_IRRADIANCE_FORMAT", "1"}, {"PL_MOMENT_FORMAT", "1"},
+  Defines defines = {{"PL_FACING", "1"},
+                     {"PL_TRILINEAR", "2"},
+                     {"PL_VISIBILITY", "1"},
+                     {"PL_CRUSH", "2"},
+                     {"PL_AVERAGE", "1"},
+                     {"PL_FALLBACK", "1"},
+                     {"PL_IRRADIANCE_FORMAT", "1"},
+                     {"PL_MOMENT_FORMAT", "1"},
                      {"PL_STORE_IRRADIANCE", "0"}};
   int binding = 0;
   for (const char* input : {"FIELD", "PROBE_INDEX", "IRRADIANCE", "MOMENTS", "COUNTERS", "SURFACES",

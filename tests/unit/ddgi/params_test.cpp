@@ -62,14 +62,16 @@ TEST(Params, ErrorsNameFileLineAndNearestKey) {
       << unknown;
   EXPECT_NE(unknown.find("did you mean 'normal_bias'?"), std::string::npos) << unknown;
   writeTextFile(path, "preset = \"rtxgi\"\nrays = -3\n");
-  EXPECT_NE(messageOf([&] { loadParams(path.string()); }).find("bad.toml:2: rays is -3; it takes 1"),
-            std::string::npos);
+  EXPECT_NE(
+      messageOf([&] { loadParams(path.string()); }).find("bad.toml:2: rays is -3; it takes 1"),
+      std::string::npos);
   writeTextFile(path, "rays = 3\n");
   EXPECT_NE(messageOf([&] { loadParams(path.string()); }).find("no value for hysteresis"),
             std::string::npos);
   writeTextFile(path, "rays = = 3\n");
   EXPECT_NE(messageOf([&] { loadParams(path.string()); }).find("bad.toml:1"), std::string::npos);
-  EXPECT_NE(messageOf([] { loadParams("rtxgl"); }).find("did you mean 'rtxgi'?"), std::string::npos);
+  EXPECT_NE(messageOf([] { loadParams("rtxgl"); }).find("did you mean 'rtxgi'?"),
+            std::string::npos);
 }
 
 TEST(Params, AssignmentsAreChecked) {
@@ -79,9 +81,9 @@ TEST(Params, AssignmentsAreChecked) {
   setParam(params, "visibility=false");
   EXPECT_EQ(params.visibility, 0);
   EXPECT_EQ(params.name, "rtxgi irradiance_format=rgba32f visibility=false");
-  for (const char* bad : {"rays", "rays=", "rays=1.5", "rays=0", "hysteresis=nan", "hysteresis=2",
-                          "facing=sideways", "visibility=1", "nothing=1", "rays=1\nrays=2",
-                          "hysteresis=0.5\nrays=3"})
+  for (const char* bad :
+       {"rays", "rays=", "rays=1.5", "rays=0", "hysteresis=nan", "hysteresis=2", "facing=sideways",
+        "visibility=1", "nothing=1", "rays=1\nrays=2", "hysteresis=0.5\nrays=3"})
     EXPECT_NE(messageOf([&] { setParam(params, bad); }), "no error") << bad;
 }
 

@@ -136,7 +136,7 @@ TEST(ProbeWeight, NoVarianceAndNoFloorBlocksEntirely) {
 TEST(ProbeWeight, CrushedWeightOfAnOccludedProbe) {
   QueryParams<double> params = plainParams();
   params.facing_offset = 0.2;
-  const QueryModes modes{PL_FACING_WRAP, PL_TRILINEAR_AXIS_MAX, 1, PL_CRUSH_BEFORE_TRILINEAR,
+  const QueryModes modes{PL_FACING_WRAP,  PL_TRILINEAR_AXIS_MAX, 1, PL_CRUSH_BEFORE_TRILINEAR,
                          PL_AVERAGE_SQRT, PL_FALLBACK_NONE};
   EXPECT_NEAR(probeWeight(params, modes, 1.0, 1.0, 0.05), 0.06 * 0.06 * 0.06 / 0.04, 1e-12);
   EXPECT_NEAR(probeWeight(params, modes, 0.5, 1.0, 1.0), 0.6, 1e-12);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The scenes that come with the project load without a warning, directly and through their TOML;
 // and so do files from outside, named by a folder in PROBELAB_OUTSIDE_SCENES, apart from warnings.
-#include <cstdlib>
 
 #include "scene/load.h"
 #include "scene_files.h"
@@ -44,17 +43,6 @@ TEST(ShippedScenes, LoadWithoutWarnings) {
     expectSound(scene);
     for (const LightingState& state : scene.states)
       EXPECT_EQ(withState(scene, state.name).state, state.name);
-  }
-}
-
-TEST(OutsideScenes, Load) {
-  const char* folder = std::getenv("PROBELAB_OUTSIDE_SCENES");
-  if (folder == nullptr) GTEST_SKIP() << "PROBELAB_OUTSIDE_SCENES names no folder";
-  for (const fs::path& path : scenesBelow(folder)) {
-    SCOPED_TRACE(path.string());
-    const Scene scene = loadScene(path);
-    expectSound(scene);
-    EXPECT_GT(scene.geometry->triangles.size(), 0u);
   }
 }
 

@@ -25,12 +25,12 @@ Lattice makeLattice(const Box3f& box, const Vec3i& count);
 
 struct ProbeLayout {
   std::string strategy;
-  Box3f bounds;     // where the field answers: 1 inside, falling to 0 over one bias length outside
+  Box3f bounds;  // where the field answers: 1 inside, falling to 0 over one bias length outside
   Lattice lattice;
   std::vector<int> probe_of_point;  // [lattice point]: index of the stored probe, -1: none
   std::vector<Vec3f> positions;     // [stored probe]
-  float bias_length_m = 0;     // s_i: the smallest spacing of an axis with more than one point
-  float support_radius_m = 0;  // r_i: the cell's diagonal
+  float bias_length_m = 0;          // s_i: the smallest spacing of an axis with more than one point
+  float support_radius_m = 0;       // r_i: the cell's diagonal
   double build_s = 0;
 };
 

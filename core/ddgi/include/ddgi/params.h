@@ -44,8 +44,8 @@ std::vector<ParamInfo> paramTable();
 
 std::vector<std::string> presetNames();
 
-// A preset's name or a TOML file (its keys over those of its `preset` key, which it must have unless
-// it sets every key). Throws InputError with file, line and the nearest known name.
+// A preset's name or a TOML file (its keys over those of its `preset` key, which it must have
+// unless it sets every key). Throws InputError with file, line and the nearest known name.
 Params loadParams(const std::string& preset_or_file);
 
 // "key=value"; the value in TOML's syntax, quotes around names optional.
@@ -61,9 +61,9 @@ QueryModes queryModes(const Params& params);
 QueryParams<double> queryParams(const Params& params);
 template <class T>
 QueryParams<T> convertQueryParams(const QueryParams<double>& p) {
-  return {T(p.normal_bias),      T(p.view_bias),     T(p.facing_offset),  T(p.trilinear_floor),
-          T(p.chebyshev_power),  T(p.visibility_floor), T(p.variance_bias), T(p.variance_floor),
-          T(p.crush_threshold),  T(p.decode_exponent)};
+  return {T(p.normal_bias),     T(p.view_bias),        T(p.facing_offset), T(p.trilinear_floor),
+          T(p.chebyshev_power), T(p.visibility_floor), T(p.variance_bias), T(p.variance_floor),
+          T(p.crush_threshold), T(p.decode_exponent)};
 }
 
 // Bytes of atlas texels a probe owns, borders included.

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A field of irradiance probes on the device: atlases, their update, the query.
 //
-// One update (DESIGN section 3): generate, trace, shade, occlude, resolve, blend, in batches of whole
-// probes. The atlases are double: an update reads the previous field and writes the next, so the
-// size of a batch changes no byte.
+// One update (DESIGN section 3): generate, trace, shade, occlude, resolve, blend, in batches of
+// whole probes. The atlases are double: an update reads the previous field and writes the next, so
+// the size of a batch changes no byte.
 #pragma once
 
 #include <array>
@@ -54,8 +54,8 @@ class ProbeField {
   // carries a NaN or Inf.
   void update(uint64_t rotation, const BlendMode& irradiance, const BlendMode& moments);
 
-  // The field at points (local coordinates): rgb irradiance, and in w the sum of weights or -1 where
-  // no probe answered (counted in counters()).
+  // The field at points (local coordinates): rgb irradiance, and in w the sum of weights or -1
+  // where no probe answered (counted in counters()).
   std::vector<Vec4f> query(std::span<const QueryPoint> points);
   // Milliseconds on the device of one query of `points`, `repeats` times after a warm-up.
   std::vector<double> timeQuery(std::span<const QueryPoint> points, int repeats);

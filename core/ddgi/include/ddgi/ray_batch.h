@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A batch of rays on its way through the wavefront: closest hit, shading, direct light. What comes
-// out, a RaySurface a ray, goes to `resolve` (ddgi/probe_field.h). Probe rays and camera rays alike.
+// out, a RaySurface a ray, goes to `resolve` (ddgi/probe_field.h). Probe rays and camera rays
+// alike.
 #pragma once
 
 #include <memory>
@@ -18,8 +19,7 @@ TracerKind parseTracer(const std::string& name);  // throws InputError
 // Buffers of one batch, [ray].
 struct RayBuffers {
   uint32_t capacity = 0;
-  GpuBuffer rays, hits, surfaces, shadow_rays, occluded, radiance, distances,
-      hit_irradiance;
+  GpuBuffer rays, hits, surfaces, shadow_rays, occluded, radiance, distances, hit_irradiance;
 };
 
 // Bytes a ray of the buffers above.

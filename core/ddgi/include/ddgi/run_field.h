@@ -10,8 +10,9 @@
 namespace probelab {
 
 struct ConvergeOptions {
-  double tolerance = 1e-4;  // relative change still to come when the bounce series counts as settled
-  int average = 64;         // updates in the plain average
+  double tolerance =
+      1e-4;          // relative change still to come when the bounce series counts as settled
+  int average = 64;  // updates in the plain average
   int max_burn_in = 4096;
 };
 
@@ -20,8 +21,8 @@ struct ConvergeReport {
   int mixing_updates = 0;   // with new directions, until those of the burn-in are forgotten
   int average_updates = 0;
   bool settled = true;
-  double contraction = 0;   // of the bounce series, per update
-  double remaining = 0;     // estimated relative change still to come at the end of the burn-in
+  double contraction = 0;  // of the bounce series, per update
+  double remaining = 0;    // estimated relative change still to come at the end of the burn-in
   int updates() const { return burn_in_updates + mixing_updates + average_updates; }
 };
 
@@ -30,9 +31,9 @@ using UpdateCallback = std::function<void(int done, int total)>;
 
 // Burn-in without hysteresis and with unchanging directions, so that the bounce series is a plain
 // geometric one and its end can be told from noise; then updates with new directions each, first
-// until the burn-in's own error has shrunk to a tenth, then `average` of them for the mean in linear
-// irradiance, while the moments are averaged from the first new direction on. The field must be
-// fresh and have FieldSettings::accumulate. An update is unbiased given the one before (linear
+// until the burn-in's own error has shrunk to a tenth, then `average` of them for the mean in
+// linear irradiance, while the moments are averaged from the first new direction on. The field must
+// be fresh and have FieldSettings::accumulate. An update is unbiased given the one before (linear
 // averaging of probes), so the mean is too.
 ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
                              const UpdateCallback& on_update = {});

@@ -3,7 +3,6 @@
 // specialise the stages to it.
 #pragma once
 
-
 #include "ddgi/stage.h"
 #include "scene/scene.h"
 

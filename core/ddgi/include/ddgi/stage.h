@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A compute stage: a pipeline with its buffers by name, and the recorder that runs and times stages.
+// A compute stage: a pipeline with its buffers by name, and the recorder that runs and times
+// stages.
 #pragma once
 
 #include <functional>

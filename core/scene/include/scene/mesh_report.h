@@ -21,7 +21,7 @@ struct MeshEdges {
 
 struct MeshReport {
   MeshEdges all;                 // the whole scene, welded together
-  std::vector<MeshEdges> meshes; // each mesh by itself
+  std::vector<MeshEdges> meshes; // each mesh of each node by itself, its primitives together
   uint32_t welded_vertices = 0;
   uint32_t degenerate_triangles = 0;  // left out on loading
   uint32_t duplicate_triangles = 0;   // same three welded vertices
