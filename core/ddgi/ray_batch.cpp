@@ -21,7 +21,7 @@ RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, boo
   const uint64_t n = capacity;
   RayBuffers buffers;
   buffers.capacity = capacity;
-  buffers.rays = createBuffer(context, n * sizeof(Ray), MemoryUse::host_visible, "rays");
+  buffers.rays = createBuffer(context, n * sizeof(Ray), shared, "rays");
   buffers.hits = createBuffer(context, n * sizeof(Hit), shared, "hits");
   buffers.surfaces = createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
   buffers.radiance = createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "radiance");

@@ -177,6 +177,25 @@ TEST_P(UpdateOracle, TwoUpdatesEqualTheFormulas) {
 INSTANTIATE_TEST_SUITE_P(Presets, UpdateOracle, ::testing::Values("classic", "gdc2019", "rtxgi"),
                          [](const auto& info) { return std::string(info.param); });
 
+class UpdateOnMemory : public GpuMemoryModeTest {};
+
+// The same with the paths of a discrete GPU, where nothing is mapped that need not be.
+TEST_P(UpdateOnMemory, EqualsTheFormulasWithBothTracers) {
+  const FieldScene scene(roomScene());
+  const ProbeLayout layout = roomLayout(scene.scene);
+  Params params = exactParams("rtxgi");
+  params.rays = 100;
+  const Texels expected = updateByHand(scene, layout, params, 7, 0, nullptr);
+  for (const TracerKind tracer : {TracerKind::embree, TracerKind::rayquery}) {
+    if (tracer == TracerKind::rayquery && !gpu().info().ray_query) continue;
+    const auto field = scene.field(gpu(), layout, params, {.seed = 7, .tracer = tracer});
+    field->update(0, {}, {});
+    expectTexels(*field, expected);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Memory, UpdateOnMemory, ::testing::Bool(), memoryModeName);
+
 // Shipped scenes bring textures, spots and skies.
 TEST_F(FieldOracle, UpdateEqualsTheFormulasOnShippedScenes) {
   for (const char* name : {"cornell", "sun_room", "mixed_scale"}) {
