@@ -296,29 +296,28 @@ ProbeField::RayResults ProbeField::shadeRays(std::span<const Ray> rays) {
   return results;
 }
 
-std::vector<Vec3f> ProbeField::irradianceTexels() {
-  const auto side = static_cast<std::size_t>(params_.irradiance_texels);
-  const std::size_t texels = probeCount() * side * side;
-  const std::size_t words = irradianceWords(params_.irradiance_format);
+// Texels of the current copy, each made of `words` words.
+template <class T>
+std::vector<T> ProbeField::downloadTexels(const Atlas& atlas, int side, uint32_t words,
+                                          T (*unpack)(int, const uint32_t*), int format) {
+  const std::size_t texels = std::size_t{probeCount()} * static_cast<std::size_t>(side * side);
   const auto stored = downloadArray<uint32_t>(
-      context_, irradiance_.copies[static_cast<std::size_t>(current_)], texels * words);
-  std::vector<Vec3f> decoded(texels);
-  for (std::size_t i = 0; i < texels; ++i)
-    decoded[i] = unpackIrradiance(params_.irradiance_format, &stored[i * words]);
-  return decoded;
+      context_, atlas.copies[static_cast<std::size_t>(current_)], texels * words);
+  std::vector<T> unpacked(texels);
+  for (std::size_t i = 0; i < texels; ++i) unpacked[i] = unpack(format, &stored[i * words]);
+  return unpacked;
+}
+
+std::vector<Vec3f> ProbeField::irradianceTexels() {
+  return downloadTexels<Vec3f>(irradiance_, params_.irradiance_texels,
+                               irradianceWords(params_.irradiance_format), unpackIrradiance,
+                               params_.irradiance_format);
 }
 
 std::vector<Vec2f> ProbeField::momentTexels() {
   if (params_.visibility == 0) return {};
-  const auto side = static_cast<std::size_t>(params_.moment_texels);
-  const std::size_t texels = probeCount() * side * side;
-  const std::size_t words = momentWords(params_.moment_format);
-  const auto stored = downloadArray<uint32_t>(
-      context_, moments_.copies[static_cast<std::size_t>(current_)], texels * words);
-  std::vector<Vec2f> decoded(texels);
-  for (std::size_t i = 0; i < texels; ++i)
-    decoded[i] = unpackMoments(params_.moment_format, &stored[i * words]);
-  return decoded;
+  return downloadTexels<Vec2f>(moments_, params_.moment_texels, momentWords(params_.moment_format),
+                               unpackMoments, params_.moment_format);
 }
 
 WorkCounts ProbeField::workOfUpdate() const {

@@ -254,25 +254,21 @@ TEST_F(FieldOracle, MapsAreContinuousAcrossSeamsAndCorners) {
   const auto field = scene.field(gpu(), roomLayout(scene.scene), params);
   field->update(0, {}, {});
   const FieldSnapshot snapshot = takeSnapshot(*field);
-  const auto read = [&](int probe, const Vec2d& map) {
-    const int n = snapshot.lattice.irradiance_texels;
-    OctTaps<double> taps;
+  // The taps of a point of the map, without going through a direction.
+  const auto tapsAt = [](const Vec2d& map, int n) {
     const double u = (map.x * 0.5 + 0.5) * n + 0.5, v = (map.y * 0.5 + 0.5) * n + 0.5;
+    OctTaps<double> taps;
     taps.x = std::min(static_cast<int>(u), n);
     taps.y = std::min(static_cast<int>(v), n);
     taps.fraction_x = u - taps.x;
     taps.fraction_y = v - taps.y;
-    return readIrradiance(snapshot, probe, taps);
+    return taps;
+  };
+  const auto read = [&](int probe, const Vec2d& map) {
+    return readIrradiance(snapshot, probe, tapsAt(map, snapshot.lattice.irradiance_texels));
   };
   const auto readDepth = [&](int probe, const Vec2d& map) {
-    const int n = snapshot.lattice.moment_texels;
-    OctTaps<double> taps;
-    const double u = (map.x * 0.5 + 0.5) * n + 0.5, v = (map.y * 0.5 + 0.5) * n + 0.5;
-    taps.x = std::min(static_cast<int>(u), n);
-    taps.y = std::min(static_cast<int>(v), n);
-    taps.fraction_x = u - taps.x;
-    taps.fraction_y = v - taps.y;
-    return readMoments(snapshot, probe, taps);
+    return readMoments(snapshot, probe, tapsAt(map, snapshot.lattice.moment_texels));
   };
   Rng rng(5, RngStream::test);
   for (int i = 0; i < 2000; ++i) {

@@ -8,7 +8,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "ddgi/stage.glsl"
 #include "ddgi/constants.h"
-#include "shared/atlas_format.h"
+#include "ddgi/texels.glsl"
 
 #if PL_BLEND == 0
 BUFFER(BIND_RADIANCE, readonly, Radiance, vec4 radiance[]);
@@ -31,20 +31,7 @@ layout(push_constant, scalar) uniform Push {
 const uint kProbes = 8u;
 
 #if PL_BLEND == 0
-vec3 loadTexel(uint texel) {
-#if PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA32F
-  return vec3(uintBitsToFloat(previous[texel * 4u]), uintBitsToFloat(previous[texel * 4u + 1u]),
-              uintBitsToFloat(previous[texel * 4u + 2u]));
-#elif PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA16F
-  uint rg = previous[texel * 2u];
-  return vec3(unpackHalfFloat(rg & 0xffffu), unpackHalfFloat(rg >> 16u),
-              unpackHalfFloat(previous[texel * 2u + 1u] & 0xffffu));
-#elif PL_IRRADIANCE_FORMAT == PL_FORMAT_R11G11B10F
-  return unpackR11G11B10(previous[texel]);
-#else
-  return unpackRgb10A2(previous[texel]);
-#endif
-}
+vec3 loadTexel(uint texel) { return LOAD_IRRADIANCE(previous, texel); }
 void storeTexel(uint texel, vec3 value) {
 #if PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA32F
   atlas[texel * 4u] = floatBitsToUint(value.x);
@@ -77,14 +64,7 @@ vec3 encodeTexel(vec3 mean) {
   return pow(mean, vec3(push.blend.encode_exponent));
 }
 #else
-vec3 loadTexel(uint texel) {
-#if PL_MOMENT_FORMAT == PL_FORMAT_RG32F
-  return vec3(uintBitsToFloat(previous[texel * 2u]), uintBitsToFloat(previous[texel * 2u + 1u]), 0.0);
-#else
-  uint pair = previous[texel];
-  return vec3(unpackHalfFloat(pair & 0xffffu), unpackHalfFloat(pair >> 16u), 0.0);
-#endif
-}
+vec3 loadTexel(uint texel) { return vec3(LOAD_MOMENTS(previous, texel), 0.0); }
 void storeTexel(uint texel, vec3 value) {
 #if PL_MOMENT_FORMAT == PL_FORMAT_RG32F
   atlas[texel * 2u] = floatBitsToUint(value.x);

@@ -5,7 +5,7 @@
 #define PROBELAB_DDGI_FIELD_GLSL
 
 #include "ddgi/constants.h"
-#include "shared/atlas_format.h"
+#include "ddgi/texels.glsl"
 
 BUFFER(BIND_FIELD, readonly, FieldBuffer, 
        LatticeShape lattice; QueryParams query_params; DistanceRule distance_rule);
@@ -22,20 +22,7 @@ int fetchProbe(int lattice_index) { return probe_index[lattice_index]; }
 
 vec3 fetchIrradiance(int probe, int x, int y) {
   int size = lattice.irradiance_texels + 2;
-  uint texel = uint((probe * size + y) * size + x);
-#if PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA32F
-  return vec3(uintBitsToFloat(irradiance_atlas[texel * 4u]),
-              uintBitsToFloat(irradiance_atlas[texel * 4u + 1u]),
-              uintBitsToFloat(irradiance_atlas[texel * 4u + 2u]));
-#elif PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA16F
-  uint rg = irradiance_atlas[texel * 2u];
-  return vec3(unpackHalfFloat(rg & 0xffffu), unpackHalfFloat(rg >> 16u),
-              unpackHalfFloat(irradiance_atlas[texel * 2u + 1u] & 0xffffu));
-#elif PL_IRRADIANCE_FORMAT == PL_FORMAT_R11G11B10F
-  return unpackR11G11B10(irradiance_atlas[texel]);
-#else
-  return unpackRgb10A2(irradiance_atlas[texel]);
-#endif
+  return LOAD_IRRADIANCE(irradiance_atlas, uint((probe * size + y) * size + x));
 }
 
 vec2 fetchMoments(int probe, int x, int y) {
@@ -43,14 +30,7 @@ vec2 fetchMoments(int probe, int x, int y) {
   return vec2(0.0);
 #else
   int size = lattice.moment_texels + 2;
-  uint texel = uint((probe * size + y) * size + x);
-#if PL_MOMENT_FORMAT == PL_FORMAT_RG32F
-  return vec2(uintBitsToFloat(moment_atlas[texel * 2u]),
-              uintBitsToFloat(moment_atlas[texel * 2u + 1u]));
-#else
-  uint pair = moment_atlas[texel];
-  return vec2(unpackHalfFloat(pair & 0xffffu), unpackHalfFloat(pair >> 16u));
-#endif
+  return LOAD_MOMENTS(moment_atlas, uint((probe * size + y) * size + x));
 #endif
 }
 

@@ -100,6 +100,9 @@ class ProbeField {
   void blendAtlas(const Atlas& atlas, const BlendMode& mode, uint32_t first_probe,
                   uint32_t probe_count, bool is_irradiance);
   void readCounters();
+  template <class T>
+  std::vector<T> downloadTexels(const Atlas& atlas, int side, uint32_t words,
+                                T (*unpack)(int, const uint32_t*), int format);
 
   GpuContext& context_;
   ProbeLayout layout_;
