@@ -135,6 +135,19 @@ void printResult(const Json& r) {
              s["tiny_weight_sum"].dump());
 }
 
+// What a number alone would not tell.
+void warnOf(const Json& result, const Invocation& invocation) {
+  if (result["error"]["nrmse"].is_null())
+    note(invocation,
+         "warning: no scored receiver gets light, so ratios are undefined; see max_abs, "
+         "the largest estimate");
+  if (result["stability"]["clamped"].get<uint64_t>() > 0)
+    note(invocation,
+         "warning: {} texels were beyond the largest number of their format; use "
+         "--set irradiance_format=rgba32f",
+         result["stability"]["clamped"].get<uint64_t>());
+}
+
 Truth loadTruth(const EvaluateOptions& options, const FieldSetup& setup,
                 const Invocation& invocation) {
   if (!options.receivers.empty()) return {readReceivers(options.receivers, setup.scene), false};
@@ -163,6 +176,7 @@ void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   if (temporal) result["temporal"] = record.toJson();
   result["provenance"] = toJson(setup.provenance);
   requireNoValidationMessages(setup.gpu);
+  warnOf(result, invocation);
 
   if (!options.dump.empty())
     writeTextFile(options.dump, formatEstimates(estimates, truth.receivers, setup.scene));
@@ -181,11 +195,13 @@ void addEvaluateCommand(Program& program) {
       [options](const Invocation& invocation) { runEvaluate(*options, invocation); });
   addSceneOptions(app, options->scene, false);
   addFieldOptions(app, options->field);
-  app.add_option("--receivers", options->receivers,
-                 "receivers with truth, as 'probelab receivers' writes (default: traced, or from "
-                 "the cache)")
-      ->type_name("R.json")
-      ->group("Receivers");
+  CLI::Option* receivers =
+      app.add_option(
+             "--receivers", options->receivers,
+             "receivers with truth, as 'probelab receivers' writes (default: traced, or from "
+             "the cache)")
+          ->type_name("R.json")
+          ->group("Receivers");
   app.add_option("--split", options->split,
                  "receivers that are scored: heldout, train (those for fitting) or all")
       ->type_name("PART")
@@ -193,6 +209,7 @@ void addEvaluateCommand(Program& program) {
       ->capture_default_str()
       ->group("Receivers");
   addTruthOptions(app, options->truth);
+  for (const char* other : {"--count", "--points"}) receivers->excludes(app.get_option(other));
   app.add_option("--dump", options->dump,
                  "every receiver with estimate and truth (irradiance; metres)")
       ->type_name("EST.csv")

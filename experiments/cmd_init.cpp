@@ -46,6 +46,18 @@ fs::path relativeToOutput(const InitOptions& options) {
   return relative.empty() ? fs::absolute(options.gltf) : relative;
 }
 
+// The suggested volume for the space that the cameras, or the one to be added, can reach.
+Box3f boundsAround(const Scene& scene, const EmbreeScene& embree, const Vec3d& camera) {
+  Scene with_camera = scene;
+  if (scene.cameras.empty()) {
+    with_camera.cameras.emplace_back();
+    with_camera.cameras.back().position = toLocal(scene, camera);
+  }
+  const Box3d volume =
+      suggestVolume(scene, findReachable(with_camera, embree), measureWallThickness(scene, embree));
+  return {toLocal(scene, volume.min), toLocal(scene, volume.max)};
+}
+
 void printSummary(const Json& result) {
   std::vector<std::pair<std::string, std::string>> fields = {
       {"wrote", result["output"].get<std::string>()},
@@ -61,14 +73,14 @@ void printSummary(const Json& result) {
 
 void runInit(const InitOptions& options, const Invocation& invocation) {
   checkInput(options);
-  const Scene scene = loadScene(options.gltf);
+  Scene scene = loadScene(options.gltf);
   for (const std::string& warning : scene.warnings) note(invocation, "warning: {}", warning);
   Vec3d camera = defaultCameraPosition(scene);
-  if (scene.cameras.empty()) {
-    const EmbreeScene embree(scene);
-    if (const auto place = findCameraPosition(scene, findReachable(scene, embree)))
+  const EmbreeScene embree(scene);
+  if (scene.cameras.empty())
+    if (const auto place = findCameraPosition(scene, embree, findReachable(scene, embree)))
       camera = toWorld(scene, *place);
-  }
+  scene.bounds = boundsAround(scene, embree, camera);
   writeTextFile(options.output, describeSceneToml(scene, relativeToOutput(options), camera));
 
   const std::string stem = fs::path(options.output).stem().string();

@@ -5,9 +5,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 
 #include "base/error.h"
+#include "ddgi/directions.h"
 #include "scene/init.h"
+#include "trace/surface.h"
 
 namespace probelab {
 namespace {
@@ -23,15 +27,55 @@ bool isEmpty(const Box3f& box) {
   return !(box.min.x <= box.max.x && box.min.y <= box.max.y && box.min.z <= box.max.z);
 }
 
-// The reachable space with its walls; the bounds where no space is known or it runs to their edge.
-Box3d suggestVolume(const Scene& scene, const std::optional<Reachability>& reachability) {
+// The geometry's box within its outer faces, so that the air around an open building is not part
+// of the space that counts; a third of the thinnest wall is cut off. The bounds without walls.
+Box3d insideOuterFaces(const Scene& scene, const WallThickness& wall) {
   const Box3d bounds = worldBox(scene, scene.bounds);
-  if (!reachability || isEmpty(reachability->reachable_box)) return bounds;
-  for (const Region& region : reachability->regions)
-    if (region.reachable && region.touches_bounds) return bounds;
-  const Box3d box = worldBox(scene, reachability->reachable_box);
-  const Vec3d margin(kVolumeMargin * length(box.max - box.min));
-  return {box.min - margin, box.max + margin};
+  if (!wall.has_walls) return bounds;
+  const Box3d box = worldBox(scene, scene.geometry->box);
+  const Vec3d cut(static_cast<double>(wall.thinnest_m) / 3);
+  return minComponent(box.extent()) > 4 * cut.x ? Box3d{box.min + cut, box.max - cut} : bounds;
+}
+
+// What a place sees: the share of front faces says how much it is a room.
+struct Outlook {
+  double front_faces = 0;  // share of directions
+  float nearest_m = 0;
+};
+Outlook lookAround(const Scene& scene, const EmbreeScene& embree, const Vec3f& place) {
+  constexpr int kDirections = 48;
+  Outlook outlook{0, std::numeric_limits<float>::infinity()};
+  for (const Vec3d& direction : sphericalFibonacci(kDirections)) {
+    const Hit hit = embree.closest(Ray{place, 0, Vec3f(direction), 1e18f});
+    if (hit.primitive == kNoHit) continue;
+    outlook.nearest_m = std::min(outlook.nearest_m, hit.t);
+    if (dot(faceNormal(*scene.geometry, hit.primitive), Vec3f(direction)) < 0)
+      outlook.front_faces += 1.0 / kDirections;
+  }
+  return outlook;
+}
+
+// The place of an open region that is most like a room: among those that see the most front faces
+// the one farthest from any wall.
+Vec3f mostEnclosedPlace(const Scene& scene, const EmbreeScene& embree,
+                        const Reachability& reachability, int region) {
+  constexpr std::size_t kPlaces = 2000;
+  std::vector<int> cells;
+  for (int cell = 0; cell < static_cast<int>(reachability.cell_region.size()); ++cell)
+    if (reachability.cell_region[cell] == region) cells.push_back(cell);
+  const std::size_t stride = std::max<std::size_t>(1, cells.size() / kPlaces);
+  Vec3f best = reachability.cellCenter(cells[cells.size() / 2]);
+  double best_score = -1;
+  for (std::size_t i = 0; i < cells.size(); i += stride) {
+    const Vec3f place = reachability.cellCenter(cells[i]);
+    const Outlook outlook = lookAround(scene, embree, place);
+    if (!std::isfinite(outlook.nearest_m)) continue;
+    // Enclosure counts in steps of an eighth, so that clearance decides among rooms.
+    const double score = std::floor(outlook.front_faces * 8) +
+                         static_cast<double>(outlook.nearest_m / (scene.geometry->box.diagonal()));
+    if (score > best_score) best_score = score, best = place;
+  }
+  return best;
 }
 
 void warnOfMesh(const MeshReport& mesh, std::vector<std::string>& warnings) {
@@ -63,6 +107,14 @@ void warnOfLight(const Scene& scene, const SceneFeatures& features,
     warnings.push_back(
         "nothing emits light: no light, no emissive material, no sky; 'probelab "
         "init' writes a scene TOML with a sun and a sky");
+  constexpr float kLossless = 0.999f;
+  for (const Material& material : scene.materials)
+    if (maxComponent(material.base_color) * (1 - material.metallic) > kLossless &&
+        !material.base_color_texture.used())
+      warnings.push_back(
+          fmt::format("material '{}' absorbs nothing (albedo 1): bounces settle very slowly, in a "
+                      "closed room of it never; lower baseColorFactor",
+                      material.name));
   if (scene.cameras.empty())
     warnings.push_back(
         "no camera: add a [[camera]] in a scene TOML, or let 'probelab init' find a "
@@ -118,7 +170,7 @@ int deepestCell(const Reachability& r, int region) {
 }
 
 // The region that is most likely meant; -1 when all space is solid. Regions come by falling size.
-int roomRegion(const Reachability& reachability) {
+int roomRegion(const Reachability& reachability, bool only_sky) {
   constexpr double kSmall = 0.1;  // of the largest region: a closet beside a hall
   const auto& regions = reachability.regions;
   int largest = -1;
@@ -127,7 +179,8 @@ int roomRegion(const Reachability& reachability) {
     if (largest < 0) largest = i;
     const double share =
         static_cast<double>(regions[i].cells) / static_cast<double>(regions[largest].cells);
-    if (!regions[i].touches_bounds && share >= kSmall) return i;
+    // Light from the sky alone reaches no region that is closed.
+    if (regions[i].touches_bounds == only_sky && share >= kSmall) return i;
   }
   return largest;
 }
@@ -148,13 +201,28 @@ SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree) {
   } catch (const InputError& error) {
     check.warnings.push_back(error.what());
   }
-  check.suggested_volume = suggestVolume(scene, check.reachability);
+  check.suggested_volume = suggestVolume(scene, check.reachability, check.wall);
   return check;
 }
 
-std::optional<Vec3f> findCameraPosition(const Scene& scene, const Reachability& reachability) {
-  const int region = roomRegion(reachability);
+// The reachable space with its walls; where it runs to the bounds' edge, what lies within the
+// outer faces; the bounds where no space is known.
+Box3d suggestVolume(const Scene& scene, const std::optional<Reachability>& reachability,
+                    const WallThickness& wall) {
+  if (!reachability || isEmpty(reachability->reachable_box)) return worldBox(scene, scene.bounds);
+  for (const Region& region : reachability->regions)
+    if (region.reachable && region.touches_bounds) return insideOuterFaces(scene, wall);
+  const Box3d box = worldBox(scene, reachability->reachable_box);
+  const Vec3d margin(kVolumeMargin * length(box.max - box.min));
+  return {box.min - margin, box.max + margin};
+}
+
+std::optional<Vec3f> findCameraPosition(const Scene& scene, const EmbreeScene& embree,
+                                        const Reachability& reachability) {
+  const int region = roomRegion(reachability, isUnlit(scene));
   if (region < 0) return std::nullopt;
+  if (reachability.regions[region].touches_bounds)
+    return mostEnclosedPlace(scene, embree, reachability, region);
   const Vec3f middle = toLocal(scene, defaultCameraPosition(scene));
   const int32_t cell = reachability.cellAt(middle);
   if (cell >= 0 && reachability.cell_region[cell] == region) return middle;

@@ -26,9 +26,16 @@ struct SceneCheck {
 
 SceneCheck checkScene(const Scene& scene, const EmbreeScene& embree);
 
+// World coordinates, for [volume].
+Box3d suggestVolume(const Scene& scene, const std::optional<Reachability>& reachability,
+                    const WallThickness& wall);
+
 // Where a person would put a camera, in local coordinates: in the largest free region that does not
 // touch the bounds or, if all such are small, in the largest one; there at eye level in the middle
-// of the geometry, or where it is farthest from any wall. Empty without free space.
-std::optional<Vec3f> findCameraPosition(const Scene& scene, const Reachability& reachability);
+// of the geometry, or where it is farthest from any wall. An unlit scene gets its light from the
+// sky, which no closed region sees, so the regions that touch the bounds come first there; in such
+// a region it is the place that is most enclosed. Empty without free space.
+std::optional<Vec3f> findCameraPosition(const Scene& scene, const EmbreeScene& embree,
+                                        const Reachability& reachability);
 
 }  // namespace probelab
