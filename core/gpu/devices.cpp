@@ -212,11 +212,14 @@ std::vector<DeviceInfo> listDevices() {
   return infos;
 }
 
+void throwNoDevice() {
+  throw DeviceError(
+      "there is no Vulkan device; install a driver (a GPU's own, or Mesa's lavapipe, "
+      "Debian: mesa-vulkan-drivers)");
+}
+
 std::size_t chooseDevice(std::span<const DeviceInfo> devices, const std::string& wanted) {
-  if (devices.empty())
-    throw DeviceError(
-        "there is no Vulkan device; install a driver (a GPU's own, or Mesa's lavapipe, "
-        "Debian: mesa-vulkan-drivers)");
+  if (devices.empty()) throwNoDevice();
   if (wanted.empty()) return bestDevice(devices);
   std::size_t found = indexOf(devices, wanted);
   if (found == devices.size()) {
@@ -224,14 +227,14 @@ std::size_t chooseDevice(std::span<const DeviceInfo> devices, const std::string&
       if (lower(devices[i].name).find(lower(wanted)) == std::string::npos) continue;
       if (found != devices.size())
         throw DeviceError(
-            fmt::format("several Vulkan devices match '{}', give an index; there are {}", wanted,
+            fmt::format("several Vulkan devices match '{}', give an index: {}", wanted,
                         listText(devices)));
       found = i;
     }
   }
   if (found == devices.size())
     throw DeviceError(
-        fmt::format("no Vulkan device matches '{}'; there are {}", wanted, listText(devices)));
+        fmt::format("no Vulkan device matches '{}'; by index there is {}", wanted, listText(devices)));
   requireSuitable(devices[found]);
   return found;
 }

@@ -114,7 +114,9 @@ void createInstance(InstanceState& state, bool validation, bool print) {
   info.ppEnabledLayerNames = &kValidationLayer;
   info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
   info.ppEnabledExtensionNames = extensions.data();
-  checkVulkan(vkCreateInstance(&info, nullptr, &state.instance), "vkCreateInstance");
+  const VkResult result = vkCreateInstance(&info, nullptr, &state.instance);
+  if (result == VK_ERROR_INCOMPATIBLE_DRIVER) throwNoDevice();
+  checkVulkan(result, "vkCreateInstance");
   if (validation) createMessenger(state, messenger);
 }
 

@@ -20,6 +20,9 @@ namespace probelab {
 // "VK_ERROR_DEVICE_LOST (the device was reset ...)".
 std::string describeResult(VkResult result);
 
+// The error of a machine without any device or driver.
+[[noreturn]] void throwNoDevice();
+
 // Throws DeviceError "{call}: {result}{what}" unless the result is VK_SUCCESS.
 void checkVulkan(VkResult result, std::string_view call, std::string_view what = {});
 
