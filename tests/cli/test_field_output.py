@@ -35,6 +35,15 @@ class FieldOutput(CliTest):
         self.assertGreater(temporal["nrmse_after"]["1"], temporal["nrmse_after"]["64"])
         self.assertGreater(temporal["flicker"], 0)
 
+    def test_threads_of_the_software_device_change_no_byte(self):
+        dumps = []
+        for threads in ("1", "2"):
+            out = self.folder / f"{threads}.csv"
+            self.run_ok("evaluate", CORNELL, *SMALL, "--updates", 4, "--dump", out,
+                        env={"LP_NUM_THREADS": threads})
+            dumps.append(out.read_bytes())
+        self.assertEqual(dumps[0], dumps[1])
+
     def test_require_holds_on_every_command(self):
         self.run_ok("check", CORNELL, "--require", "mesh.welded_vertices>0")
         unmet = self.run_program("check", CORNELL, "--require", "mesh.welded_vertices<=0")
