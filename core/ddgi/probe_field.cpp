@@ -228,23 +228,30 @@ void ProbeField::readCounters() {
   counters_ = downloadArray<Counters>(context_, counter_buffer_).front();
 }
 
+void ProbeField::withQuery(std::span<const QueryPoint> points,
+                           const std::function<void(const Stage&, const GpuBuffer&)>& body) {
+  const GpuBuffer point_buffer =
+      createBufferFrom(context_, points, MemoryUse::device, "query points");
+  const GpuBuffer result_buffer =
+      createBuffer(context_, points.size() * sizeof(Vec4f), MemoryUse::device, "query results");
+  body(query_[static_cast<std::size_t>(current_)]
+           .with("POINTS", point_buffer)
+           .with("RESULTS", result_buffer),
+       result_buffer);
+}
+
 std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
   std::vector<Vec4f> results(points.size());
   for (std::size_t first = 0; first < points.size(); first += kQueryChunk) {
     const auto part =
         points.subspan(first, std::min<std::size_t>(kQueryChunk, points.size() - first));
-    const GpuBuffer point_buffer =
-        createBufferFrom(context_, part, MemoryUse::device, "query points");
-    const GpuBuffer result_buffer =
-        createBuffer(context_, part.size() * sizeof(Vec4f), MemoryUse::device, "query results");
-    const Stage stage = query_[static_cast<std::size_t>(current_)]
-                            .with("POINTS", point_buffer)
-                            .with("RESULTS", result_buffer);
     const auto count = static_cast<uint32_t>(part.size());
-    recorder_.run("query", stage, CountPush{count}, count);
-    recorder_.flush();
-    download(context_, result_buffer,
-             std::as_writable_bytes(std::span<Vec4f>(results).subspan(first, part.size())));
+    withQuery(part, [&](const Stage& stage, const GpuBuffer& answers) {
+      recorder_.run("query", stage, CountPush{count}, count);
+      recorder_.flush();
+      download(context_, answers,
+               std::as_writable_bytes(std::span<Vec4f>(results).subspan(first, part.size())));
+    });
   }
   readCounters();
   for (std::size_t i = 0; i < results.size(); ++i)
@@ -254,22 +261,18 @@ std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
 }
 
 std::vector<double> ProbeField::timeQuery(std::span<const QueryPoint> points, int repeats) {
-  const auto part = points.first(std::min<std::size_t>(points.size(), kQueryChunk));
-  const GpuBuffer point_buffer =
-      createBufferFrom(context_, part, MemoryUse::device, "query points");
-  const GpuBuffer result_buffer =
-      createBuffer(context_, part.size() * sizeof(Vec4f), MemoryUse::device, "query results");
-  const Stage stage = query_[static_cast<std::size_t>(current_)]
-                          .with("POINTS", point_buffer)
-                          .with("RESULTS", result_buffer);
-  const auto count = static_cast<uint32_t>(part.size());
+  constexpr int kWarmUp = 2;
+  PROBELAB_CHECK(points.size() <= kQueryChunk);
+  const auto count = static_cast<uint32_t>(points.size());
   std::vector<double> times;
-  for (int i = -2; i < repeats; ++i) {
-    recorder_.resetTimes();
-    recorder_.run("query", stage, CountPush{count}, count);
-    recorder_.flush();
-    if (i >= 0) times.push_back(recorder_.milliseconds().at("query"));
-  }
+  withQuery(points, [&](const Stage& stage, const GpuBuffer&) {
+    for (int i = -kWarmUp; i < repeats; ++i) {
+      recorder_.resetTimes();
+      recorder_.run("query", stage, CountPush{count}, count);
+      recorder_.flush();
+      if (i >= 0) times.push_back(recorder_.milliseconds().at("query"));
+    }
+  });
   return times;
 }
 

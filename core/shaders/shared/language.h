@@ -19,7 +19,6 @@
 #define PL_INLINE inline  // a function on plain float
 #define PL_STRUCT template <class T> struct
 #define PL_OF_T <T>      // names an instance of a shared struct: QueryParams PL_OF_T params
-#define PL_OUT(type) type&
 #define PL_INOUT(type) type&
 #define PL_CONST_IN(type) const type&
 #define REAL T
@@ -67,7 +66,6 @@ inline float uintBitsToFloat(uint x) { return std::bit_cast<float>(x); }
 #define PL_INLINE
 #define PL_STRUCT struct
 #define PL_OF_T
-#define PL_OUT(type) out type
 #define PL_INOUT(type) inout type
 #define PL_CONST_IN(type) const type
 #define REAL float

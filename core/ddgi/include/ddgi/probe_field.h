@@ -57,7 +57,8 @@ class ProbeField {
   // The field at points (local coordinates): rgb irradiance, and in w the sum of weights or -1
   // where no probe answered (counted in counters()).
   std::vector<Vec4f> query(std::span<const QueryPoint> points);
-  // Milliseconds on the device of one query of `points`, `repeats` times after a warm-up.
+  // Milliseconds on the device of one query of `points` (1 to 2^20), `repeats` times after a
+  // warm-up.
   std::vector<double> timeQuery(std::span<const QueryPoint> points, int repeats);
 
   // Camera or other rays: outgoing radiance (rgb) with the signed distance in w, and the field's
@@ -100,6 +101,9 @@ class ProbeField {
   void blendAtlas(const Atlas& atlas, const BlendMode& mode, uint32_t first_probe,
                   uint32_t probe_count, bool is_irradiance);
   void readCounters();
+  // Runs `body` with the query stage bound to these points, and the buffer that it fills.
+  void withQuery(std::span<const QueryPoint> points,
+                 const std::function<void(const Stage&, const GpuBuffer&)>& body);
   template <class T>
   std::vector<T> downloadTexels(const Atlas& atlas, int side, uint32_t words,
                                 T (*unpack)(int, const uint32_t*), int format);
