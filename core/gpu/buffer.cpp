@@ -38,8 +38,10 @@ int memoryScore(const VulkanState& state, VkMemoryPropertyFlags flags, MemoryUse
          2 * bool(flags & VK_MEMORY_PROPERTY_HOST_COHERENT_BIT) + 1 * !local;
 }
 
+}  // namespace
+
 std::uint32_t chooseMemoryType(const VulkanState& state, std::uint32_t allowed, MemoryUse use,
-                               const std::string& name) {
+                               const std::string& label) {
   std::optional<std::uint32_t> best;
   int best_score = 0;
   for (std::uint32_t i = 0; i < state.memory.memoryTypeCount; ++i) {
@@ -47,9 +49,11 @@ std::uint32_t chooseMemoryType(const VulkanState& state, std::uint32_t allowed, 
     const int score = memoryScore(state, state.memory.memoryTypes[i].propertyFlags, use);
     if (score > best_score) best = i, best_score = score;
   }
-  if (!best) throw DeviceError(fmt::format("buffer '{}': the device has no memory for it", name));
+  if (!best) throw DeviceError(fmt::format("{}: the device has no memory for it", label));
   return *best;
 }
+
+namespace {
 
 void createVkBuffer(BufferState& buffer, VkBufferUsageFlags usage, const std::string& label) {
   const VkDevice device = buffer.vulkan->device;
@@ -73,7 +77,7 @@ void allocateMemory(BufferState& buffer, const std::string& label) {
   VkMemoryAllocateInfo info{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO};
   info.pNext = &flags;
   info.allocationSize = needs.size;
-  info.memoryTypeIndex = chooseMemoryType(state, needs.memoryTypeBits, buffer.use, buffer.name);
+  info.memoryTypeIndex = chooseMemoryType(state, needs.memoryTypeBits, buffer.use, label);
   VkDeviceMemory memory = VK_NULL_HANDLE;
   checkVulkan(vkAllocateMemory(state.device, &info, nullptr, &memory), "vkAllocateMemory", label);
   buffer.memory = {state.device, memory, vkFreeMemory};

@@ -25,10 +25,14 @@ namespace {
 
 constexpr std::uint32_t kSetsPerPool = 64;
 constexpr std::uint32_t kBuffersPerPool = 1024;
+constexpr std::uint32_t kImagesPerPool = 128;  // of each kind
 
-VkDescriptorPool addPool(CommandsState& state, std::uint32_t buffers) {
+VkDescriptorPool addPool(CommandsState& state, const PipelineOptions& needs) {
   std::vector<VkDescriptorPoolSize> sizes{
-      {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, std::max(buffers, kBuffersPerPool)}};
+      {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, std::max(needs.buffer_count, kBuffersPerPool)},
+      {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, std::max(needs.storage_image_count, kImagesPerPool)},
+      {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
+       std::max(needs.sampled_image_count, kImagesPerPool)}};
   if (state.vulkan->physical.info.ray_query)
     sizes.push_back({VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR, kSetsPerPool});
   VkDescriptorPoolCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO};
@@ -54,42 +58,82 @@ VkDescriptorSet allocateSet(CommandsState& state, const PipelineState& pipeline)
     if (result != VK_ERROR_OUT_OF_POOL_MEMORY && result != VK_ERROR_FRAGMENTED_POOL)
       checkVulkan(result, "vkAllocateDescriptorSets", pipeline.name);
   }
-  info.descriptorPool = addPool(state, pipeline.options.buffer_count);
+  info.descriptorPool = addPool(state, pipeline.options);
   checkVulkan(vkAllocateDescriptorSets(state.vulkan->device, &info, &set),
               "vkAllocateDescriptorSets", pipeline.name);
   return set;
 }
 
-void writeSet(const CommandsState& state, VkDescriptorSet set,
-              std::span<const GpuBuffer* const> buffers, const AccelerationStructure* as) {
-  const VkDeviceSize max_range = state.vulkan->physical.info.max_storage_buffer_range;
-  std::vector<VkDescriptorBufferInfo> infos(buffers.size());
-  std::vector<VkWriteDescriptorSet> writes;
-  VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
-  write.dstSet = set;
-  write.descriptorCount = 1;
-  for (std::size_t i = 0; i < buffers.size(); ++i) {
-    if (buffers[i] == nullptr) continue;
-    const BufferState& buffer = buffers[i]->state();
-    infos[i] = {buffer.buffer.get(), 0, std::min<VkDeviceSize>(buffer.allocated, max_range)};
-    write.dstBinding = static_cast<std::uint32_t>(i);
-    write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-    write.pBufferInfo = &infos[i];
-    writes.push_back(write);
+// Writes a set, binding by binding.
+class SetWriter {
+ public:
+  SetWriter(const VulkanState& state, VkDescriptorSet set) : state_(state), set_(set) {}
+
+  void write(const Bindings& bindings) {
+    // The writes point into these, which must not move.
+    buffers_.reserve(bindings.buffers.size());
+    images_.reserve(bindings.storage_images.size() + bindings.sampled_images.size());
+    for (const GpuBuffer* buffer : bindings.buffers) addBuffer(buffer);
+    if (bindings.acceleration_structure != nullptr)
+      addAccelerationStructure(*bindings.acceleration_structure);
+    for (const GpuImage* image : bindings.storage_images) addImage(*image, ImageUse::storage);
+    for (const GpuImage* image : bindings.sampled_images) addImage(*image, ImageUse::sampled);
+    vkUpdateDescriptorSets(state_.device, static_cast<std::uint32_t>(writes_.size()),
+                           writes_.data(), 0, nullptr);
   }
-  VkWriteDescriptorSetAccelerationStructureKHR as_info{
+
+ private:
+  void addBuffer(const GpuBuffer* buffer) {
+    const std::uint32_t binding = next_++;
+    if (buffer == nullptr) return;
+    const VkDeviceSize max_range = state_.physical.info.max_storage_buffer_range;
+    const BufferState& b = buffer->state();
+    buffers_.push_back({b.buffer.get(), 0, std::min<VkDeviceSize>(b.allocated, max_range)});
+    add(binding, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER).pBufferInfo = &buffers_.back();
+  }
+  void addAccelerationStructure(const AccelerationStructure& as) {
+    as_info_.accelerationStructureCount = 1;
+    as_info_.pAccelerationStructures = as.state().top.pointer();
+    add(next_++, VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR).pNext = &as_info_;
+  }
+  void addImage(const GpuImage& image, ImageUse use) {
+    const ImageState& i = image.state();
+    PROBELAB_CHECK(i.layout == layoutOf(use));  // Commands::setUse
+    const bool sampled = use == ImageUse::sampled;
+    images_.push_back({sampled ? i.sampler.get() : VK_NULL_HANDLE, i.view.get(), i.layout});
+    add(next_++,
+        sampled ? VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER : VK_DESCRIPTOR_TYPE_STORAGE_IMAGE)
+        .pImageInfo = &images_.back();
+  }
+  VkWriteDescriptorSet& add(std::uint32_t binding, VkDescriptorType type) {
+    VkWriteDescriptorSet& write = writes_.emplace_back();
+    write = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+    write.dstSet = set_;
+    write.descriptorCount = 1;
+    write.dstBinding = binding;
+    write.descriptorType = type;
+    return write;
+  }
+
+  const VulkanState& state_;
+  VkDescriptorSet set_;
+  std::uint32_t next_ = 0;
+  std::vector<VkDescriptorBufferInfo> buffers_;
+  std::vector<VkDescriptorImageInfo> images_;
+  VkWriteDescriptorSetAccelerationStructureKHR as_info_{
       VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_ACCELERATION_STRUCTURE_KHR};
-  if (as != nullptr) {
-    as_info.accelerationStructureCount = 1;
-    as_info.pAccelerationStructures = as->state().top.pointer();
-    write.pNext = &as_info;
-    write.dstBinding = static_cast<std::uint32_t>(buffers.size());
-    write.descriptorType = VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR;
-    write.pBufferInfo = nullptr;
-    writes.push_back(write);
-  }
-  vkUpdateDescriptorSets(state.vulkan->device, static_cast<std::uint32_t>(writes.size()),
-                         writes.data(), 0, nullptr);
+  std::vector<VkWriteDescriptorSet> writes_;
+};
+
+// The number of bindings; they must be those of the pipeline.
+std::size_t checkBindings(const PipelineOptions& options, const Bindings& bindings) {
+  const bool has_as = bindings.acceleration_structure != nullptr;
+  PROBELAB_CHECK_EQ(bindings.buffers.size(), options.buffer_count);
+  PROBELAB_CHECK_EQ(has_as, options.acceleration_structure);
+  PROBELAB_CHECK_EQ(bindings.storage_images.size(), options.storage_image_count);
+  PROBELAB_CHECK_EQ(bindings.sampled_images.size(), options.sampled_image_count);
+  return bindings.buffers.size() + has_as + bindings.storage_images.size() +
+         bindings.sampled_images.size();
 }
 
 void checkGroups(const DeviceInfo& device, const std::string& name,
@@ -146,19 +190,25 @@ void Commands::begin() {
 void Commands::dispatch(const ComputePipeline& pipeline, std::span<const GpuBuffer* const> buffers,
                         const AccelerationStructure* as, std::span<const std::byte> push,
                         std::uint32_t groups_x, std::uint32_t groups_y, std::uint32_t groups_z) {
+  dispatch(pipeline, Bindings{{buffers.begin(), buffers.end()}, as, {}, {}}, push, groups_x,
+           groups_y, groups_z);
+}
+
+void Commands::dispatch(const ComputePipeline& pipeline, const Bindings& bindings,
+                        std::span<const std::byte> push, std::uint32_t groups_x,
+                        std::uint32_t groups_y, std::uint32_t groups_z) {
   CommandsState& s = *state_;
   const PipelineState& p = pipeline.state();
   PROBELAB_CHECK(s.recording);
-  PROBELAB_CHECK_EQ(buffers.size(), p.options.buffer_count);
-  PROBELAB_CHECK_EQ(as != nullptr, p.options.acceleration_structure);
+  const std::size_t binding_count = checkBindings(p.options, bindings);
   PROBELAB_CHECK_EQ(push.size(), p.options.push_constant_bytes);
   checkGroups(s.vulkan->physical.info, p.name, {groups_x, groups_y, groups_z});
   if (groups_x == 0 || groups_y == 0 || groups_z == 0) return;
   const VkCommandBuffer commands = s.commands.commands;
   vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, p.pipeline.get());
-  if (!buffers.empty() || as != nullptr) {
+  if (binding_count > 0) {
     const VkDescriptorSet set = allocateSet(s, p);
-    writeSet(s, set, buffers, as);
+    SetWriter(*s.vulkan, set).write(bindings);
     vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, p.layout.get(), 0, 1, &set, 0,
                             nullptr);
   }
@@ -182,6 +232,17 @@ void Commands::fill(GpuBuffer& buffer, std::uint32_t word, std::size_t offset, s
 }
 
 void Commands::fill(GpuBuffer& buffer, std::uint32_t word) { fill(buffer, word, 0, buffer.size()); }
+
+void Commands::setUse(GpuImage& image, ImageUse use) {
+  PROBELAB_CHECK(state_->recording);
+  recordLayout(state_->commands, image.state(), layoutOf(use));
+}
+
+void Commands::clear(GpuImage& image) {
+  PROBELAB_CHECK(state_->recording);
+  PROBELAB_CHECK(image.state().layout == layoutOf(ImageUse::storage));
+  recordClear(state_->commands, image.state());
+}
 
 void Commands::copy(const GpuBuffer& from, GpuBuffer& to, std::size_t bytes,
                     std::size_t from_offset, std::size_t to_offset) {

@@ -43,7 +43,10 @@ void createDevice(VulkanState& state) {
   }
 
   VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
+  VkPhysicalDeviceFeatures features{};
+  features.shaderStorageImageExtendedFormats = state.physical.info.two_channel_storage_images;
   info.pNext = &v12;
+  info.pEnabledFeatures = &features;
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queue;
   info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());

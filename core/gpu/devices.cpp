@@ -57,6 +57,13 @@ void fillLimits(DeviceInfo& info, const VkPhysicalDeviceLimits& limits) {
   info.max_push_constant_bytes = limits.maxPushConstantsSize;
   info.max_storage_buffers_per_stage =
       std::min(limits.maxPerStageDescriptorStorageBuffers, limits.maxPerStageResources);
+  info.max_storage_images_per_stage =
+      std::min(limits.maxPerStageDescriptorStorageImages, limits.maxPerStageResources);
+  info.max_sampled_images_per_stage =
+      std::min({limits.maxPerStageDescriptorSampledImages, limits.maxPerStageDescriptorSamplers,
+                limits.maxPerStageResources});
+  info.max_image_side = limits.maxImageDimension2D;
+  info.max_image_layers = limits.maxImageArrayLayers;
   info.timestamp_period_ns = limits.timestampPeriod;
 }
 
@@ -92,6 +99,7 @@ void queryFeatures(PhysicalDevice& device, bool with_ray_query) {
   v13.pNext = with_ray_query ? &acceleration : nullptr;
   acceleration.pNext = &ray_query;
   vkGetPhysicalDeviceFeatures2(device.handle, &all);
+  device.info.two_channel_storage_images = all.features.shaderStorageImageExtendedFormats;
   std::vector<std::string>& missing = device.info.missing;
   if (!v12.bufferDeviceAddress) missing.emplace_back("bufferDeviceAddress");
   if (!v12.scalarBlockLayout) missing.emplace_back("scalarBlockLayout");
@@ -226,15 +234,14 @@ std::size_t chooseDevice(std::span<const DeviceInfo> devices, const std::string&
     for (std::size_t i = 0; i < devices.size(); ++i) {
       if (lower(devices[i].name).find(lower(wanted)) == std::string::npos) continue;
       if (found != devices.size())
-        throw DeviceError(
-            fmt::format("several Vulkan devices match '{}', give an index: {}", wanted,
-                        listText(devices)));
+        throw DeviceError(fmt::format("several Vulkan devices match '{}', give an index: {}",
+                                      wanted, listText(devices)));
       found = i;
     }
   }
   if (found == devices.size())
-    throw DeviceError(
-        fmt::format("no Vulkan device matches '{}'; by index there is {}", wanted, listText(devices)));
+    throw DeviceError(fmt::format("no Vulkan device matches '{}'; by index there is {}", wanted,
+                                  listText(devices)));
   requireSuitable(devices[found]);
   return found;
 }

@@ -12,6 +12,13 @@ void checkLimits(const DeviceInfo& device, const std::string& name,
   if (options.buffer_count > device.max_storage_buffers_per_stage)
     throw DeviceError(fmt::format("shader {} needs {} storage buffers, the device allows {}", name,
                                   options.buffer_count, device.max_storage_buffers_per_stage));
+  const auto check_images = [&](std::uint32_t count, std::uint32_t limit, const char* kind) {
+    if (count > limit)
+      throw DeviceError(fmt::format("shader {} needs {} {} images, the device allows {}", name,
+                                    count, kind, limit));
+  };
+  check_images(options.storage_image_count, device.max_storage_images_per_stage, "storage");
+  check_images(options.sampled_image_count, device.max_sampled_images_per_stage, "sampled");
   if (options.push_constant_bytes > device.max_push_constant_bytes)
     throw DeviceError(
         fmt::format("shader {} needs {} bytes of push constants, the device allows {}", name,
@@ -30,6 +37,10 @@ void createLayouts(const VulkanState& state, PipelineState& pipeline) {
   };
   for (std::uint32_t i = 0; i < options.buffer_count; ++i) add(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
   if (options.acceleration_structure) add(VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR);
+  for (std::uint32_t i = 0; i < options.storage_image_count; ++i)
+    add(VK_DESCRIPTOR_TYPE_STORAGE_IMAGE);
+  for (std::uint32_t i = 0; i < options.sampled_image_count; ++i)
+    add(VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER);
   VkDescriptorSetLayoutCreateInfo set_info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
   set_info.bindingCount = static_cast<std::uint32_t>(bindings.size());
   set_info.pBindings = bindings.data();

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "gpu/buffer.h"
 #include "gpu/context.h"
+#include "gpu/image.h"
 
 namespace probelab {
 
@@ -149,10 +150,28 @@ struct BufferState {
   std::uint64_t address = 0;
 };
 
+// The best kind of memory for `use` among the `allowed` types (bits); DeviceError "{label}: ..."
+// when there is none.
+std::uint32_t chooseMemoryType(const VulkanState& state, std::uint32_t allowed, MemoryUse use,
+                               const std::string& label);
+
 // A buffer that no shader binds, so that maxStorageBufferRange does not bound it; contents
 // undefined.
 GpuBuffer createRawBuffer(VulkanState& state, std::size_t bytes, MemoryUse use,
                           VkBufferUsageFlags usage, std::string name);
+
+struct ImageState {
+  VulkanState* vulkan = nullptr;
+  std::string name;
+  ImageFormat format{};
+  ImageSize size;
+  // As recorded last: commands run in the order in which they are recorded.
+  VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;
+  Handle<VkDeviceMemory> memory;  // after this the image, so that it dies first
+  Handle<VkImage> image;
+  Handle<VkImageView> view;
+  Handle<VkSampler> sampler;
+};
 
 CommandBuffer createCommandBuffer(const VulkanState& state, const std::string& name);
 // Begins with everything submitted before visible to the commands.
@@ -160,6 +179,10 @@ void beginCommands(const VulkanState& state, const CommandBuffer& commands);
 // All commands before happen before, and are visible to, all commands after; and to the host once
 // the submission's fence is signalled.
 void recordBarrier(const CommandBuffer& commands);
+// The same with a change of the image's layout; what it holds is kept unless it was undefined.
+void recordLayout(const CommandBuffer& commands, ImageState& image, VkImageLayout layout);
+VkImageLayout layoutOf(ImageUse use);
+void recordClear(const CommandBuffer& commands, const ImageState& image);
 // Ends, flushes mapped memory, submits, waits, invalidates mapped memory.
 void submitCommands(const VulkanState& state, const CommandBuffer& commands);
 

@@ -24,6 +24,7 @@
 #include "gpu/acceleration_structure.h"
 #include "gpu/buffer.h"
 #include "gpu/context.h"
+#include "gpu/image.h"
 #include "gpu/pipeline.h"
 
 namespace probelab {
@@ -38,10 +39,18 @@ std::span<const std::byte> pushBytes(const T& value) {
 // Workgroups of `group_size` that cover `items`. Fails the CHECK above 2^32 - 1 groups.
 std::uint32_t groupCount(std::uint64_t items, std::uint32_t group_size);
 
+// What a dispatch binds, in the order of the pipeline's bindings.
+struct Bindings {
+  std::vector<const GpuBuffer*> buffers;  // null for a binding that the shader does not use
+  const AccelerationStructure* acceleration_structure = nullptr;
+  std::vector<const GpuImage*> storage_images;  // in ImageUse::storage
+  std::vector<const GpuImage*> sampled_images;  // in ImageUse::sampled
+};
+
 struct CommandsState;
 
-// One command buffer. Pipelines, buffers and acceleration structures must live until submitAndWait
-// returns. begin() starts anew; earlier submissions are finished and visible to it.
+// One command buffer. Pipelines, buffers, images and acceleration structures must live until
+// submitAndWait returns. begin() starts anew; earlier submissions are finished and visible to it.
 class Commands {
  public:
   explicit Commands(GpuContext& context, std::uint32_t max_timestamps = 64);
@@ -62,6 +71,14 @@ class Commands {
     dispatch(pipeline, std::span<const GpuBuffer* const>(buffers.begin(), buffers.size()), as, push,
              groups_x, groups_y, groups_z);
   }
+  // The same for pipelines that have images too.
+  void dispatch(const ComputePipeline& pipeline, const Bindings& bindings,
+                std::span<const std::byte> push, std::uint32_t groups_x, std::uint32_t groups_y = 1,
+                std::uint32_t groups_z = 1);
+  // A barrier after which the image can be bound in this way; what it holds is kept.
+  void setUse(GpuImage& image, ImageUse use);
+  // Zeroes every texel. The image is in ImageUse::storage.
+  void clear(GpuImage& image);
   // Everything recorded before is complete and visible to everything after.
   void barrier();
   // 32-bit words; offset and bytes are multiples of 4.

@@ -44,6 +44,11 @@ struct DeviceInfo {
   std::uint32_t max_shared_memory_bytes = 0;
   std::uint32_t max_push_constant_bytes = 0;
   std::uint32_t max_storage_buffers_per_stage = 0;
+  std::uint32_t max_storage_images_per_stage = 0;
+  std::uint32_t max_sampled_images_per_stage = 0;
+  std::uint32_t max_image_side = 0;  // texels, of a two-dimensional image
+  std::uint32_t max_image_layers = 0;
+  bool two_channel_storage_images = false;  // shaderStorageImageExtendedFormats: rg16f, rg32f
   std::uint32_t subgroup_size = 0;
   std::uint32_t timestamp_valid_bits = 0;
   float timestamp_period_ns = 0;

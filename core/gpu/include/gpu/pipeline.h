@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One compute shader with its bindings: set 0, storage buffers 0 .. n-1, then the acceleration
-// structure, and push constants.
+// structure, the storage images and the sampled images, as far as there are any; push constants.
 #pragma once
 
 #include <cstdint>
@@ -16,6 +16,8 @@ struct PipelineOptions {
   std::uint32_t buffer_count = 0;         // storage buffers at bindings 0 .. buffer_count - 1
   bool acceleration_structure = false;    // at binding buffer_count
   std::uint32_t push_constant_bytes = 0;  // a multiple of 4; at least 128 are there everywhere
+  std::uint32_t storage_image_count = 0;  // image2DArray, at the bindings after those
+  std::uint32_t sampled_image_count = 0;  // sampler2DArray, at the last bindings
 };
 
 struct PipelineState;
@@ -38,8 +40,8 @@ class ComputePipeline {
   std::unique_ptr<PipelineState> state_;
 };
 
-// DeviceError when the device's limits (bindings, push constants) are exceeded or ray queries are
-// asked for and not there; compileShader's errors.
+// DeviceError when the device's limits (bindings, push constants, images) are exceeded or ray
+// queries are asked for and not there; compileShader's errors.
 ComputePipeline createPipeline(GpuContext& context, const ShaderSource& source,
                                const PipelineOptions& options);
 
