@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ddgi/ray_batch.h"
 
+#include <cmath>
+#include <numbers>
+
 #include "base/error.h"
 #include "base/suggest.h"
 #include "ddgi/constants.h"
@@ -11,6 +14,10 @@ namespace {
 
 struct CountPush {
   uint32_t item_count;
+};
+struct FootprintPush {
+  uint32_t item_count;
+  float cone_area;
 };
 struct LightPush {
   uint32_t item_count, light;
@@ -35,7 +42,25 @@ RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, boo
   return buffers;
 }
 
+// Of the disc that a cone cuts out 1 m from its apex, square metres; beyond any scene's size from a
+// half space on.
+float coneArea(float half_angle_rad) {
+  constexpr double kEverything = 1e12;
+  const double t = std::tan(static_cast<double>(half_angle_rad));
+  if (half_angle_rad >= 0.5 * std::numbers::pi) return static_cast<float>(kEverything);
+  return static_cast<float>(std::min(std::numbers::pi * t * t, kEverything));
+}
+
+TextureLevels levelsFor(float footprint_rad) {
+  return footprint_rad > 0 ? TextureLevels::all : TextureLevels::base;
+}
+
 }  // namespace
+
+float raySpread(int rays) {
+  PROBELAB_CHECK(rays > 0);
+  return static_cast<float>(std::acos(1 - 2.0 / rays));
+}
 
 TracerKind parseTracer(const std::string& name) {
   if (name == "auto") return TracerKind::automatic;
@@ -51,8 +76,8 @@ uint64_t rayBytes(bool has_lights) {
 }
 
 RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& embree,
-                   TracerKind tracer, uint32_t capacity)
-    : context_(context), scene_(uploadScene(context, scene)) {
+                   TracerKind tracer, uint32_t capacity, float footprint_rad)
+    : context_(context), scene_(uploadScene(context, scene, levelsFor(footprint_rad))) {
   const DeviceInfo& device = context.info();
   if (tracer == TracerKind::automatic)
     tracer = device.ray_query && !device.is_cpu ? TracerKind::rayquery : TracerKind::embree;
@@ -73,6 +98,13 @@ RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& e
   if (scene_.sky) inputs.push_back({"SKY", &scene_.sky});
   if (scene_.sky_image) inputs.push_back({"SKY_IMAGE", &scene_.sky_image});
   shade_ = makeStage(context, "ddgi/shade.comp.glsl", defines, inputs, sizeof(CountPush));
+  if (scene_.features.textures && footprint_rad > 0) {
+    cone_area_ = coneArea(footprint_rad);
+    Defines footprint_defines = defines;
+    footprint_defines.emplace_back("PL_TEXTURE_LOD", "1");
+    shade_footprint_ = makeStage(context, "ddgi/shade.comp.glsl", footprint_defines, inputs,
+                                 sizeof(FootprintPush));
+  }
   if (!has_lights) return;
   for (const int pass : {0, 1}) {
     Defines light_defines = defines;
@@ -87,10 +119,13 @@ RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& e
 
 void RayBatch::uploadRays(std::span<const Ray> rays) { uploadArray(context_, buffers_.rays, rays); }
 
-void RayBatch::trace(StageRecorder& recorder, uint32_t count) {
+void RayBatch::trace(StageRecorder& recorder, uint32_t count, TextureDetail detail) {
   PROBELAB_CHECK(count <= buffers_.capacity);
   if (tracer_) tracer_->closest(recorder, count);
-  recorder.run("shade", shade_, CountPush{count}, count);
+  if (detail == TextureDetail::footprint && cone_area_ > 0)
+    recorder.run("shade", shade_footprint_, FootprintPush{count, cone_area_}, count);
+  else
+    recorder.run("shade", shade_, CountPush{count}, count);
   for (uint32_t light = 0; light < scene_.light_count; ++light) {
     recorder.run("shade", shadow_rays_, LightPush{count, light}, count);
     if (tracer_) tracer_->occluded(recorder, count);

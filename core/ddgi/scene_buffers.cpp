@@ -3,7 +3,6 @@
 
 #include "ddgi/constants.h"
 #include "trace/light_data.h"
-#include "trace/surface.h"
 
 namespace probelab {
 namespace {
@@ -43,13 +42,13 @@ void uploadSky(GpuContext& context, const Sky& sky, SceneBuffers& buffers) {
 
 }  // namespace
 
-SceneBuffers uploadScene(GpuContext& context, const Scene& scene) {
+SceneBuffers uploadScene(GpuContext& context, const Scene& scene, TextureLevels levels) {
   SceneBuffers buffers;
   buffers.features = sceneFeatures(scene);
   const SceneFeatures& features = buffers.features;
   const Geometry& geometry = *scene.geometry;
   if (features.triangles) {
-    const MaterialTable table = makeMaterialTable(scene);
+    const MaterialTable table = makeMaterialTable(scene, levels);
     std::vector<GpuMaterial> materials;
     for (const MaterialData& m : table.materials) materials.push_back(gpuMaterial(m));
     buffers.triangles = deviceArray(context, geometry.triangles, "triangles");

@@ -2,9 +2,105 @@
 #include "trace/surface.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace probelab {
 namespace {
+
+// Where the copy of each texture starts that is filtered as colour, and as numbers.
+struct FirstTexels {
+  std::vector<uint32_t> color, metallic;
+};
+
+// One level of a texture, decoded.
+struct Level {
+  int width, height;
+  std::vector<Vec4f> texels;
+};
+
+// Rounded to the nearest 8-bit texel; the inverse of decodeTexel.
+uint32_t encodeTexel(const Vec4f& value, bool srgb) {
+  const auto byte = [](double x) { return static_cast<uint32_t>(std::lround(255 * x)); };
+  const auto color = [&](double x) {
+    if (!srgb) return byte(x);
+    return byte(x <= 0.0031308 ? 12.92 * x : 1.055 * std::pow(x, 1 / 2.4) - 0.055);
+  };
+  return color(value.x) | (color(value.y) << 8) | (color(value.z) << 16) | (byte(value.w) << 24);
+}
+
+// The next coarser level of width x height texels at(x, y). A texel's share in a coarser one is the
+// overlap of their stretches, in whole units of 1 / (width next.width).
+template <class At>
+Level halve(int width, int height, const At& at) {
+  Level next{std::max(width / 2, 1), std::max(height / 2, 1), {}};
+  const float weight_sum = static_cast<float>(width) * static_cast<float>(height);
+  const auto overlap = [](int i, int coarse_i, int size, int coarse_size) {
+    return static_cast<float>(std::min((i + 1) * coarse_size, (coarse_i + 1) * size) -
+                              std::max(i * coarse_size, coarse_i * size));
+  };
+  for (int y = 0; y < next.height; ++y)
+    for (int x = 0; x < next.width; ++x) {
+      Vec4f sum{};
+      for (int j = y * height / next.height; j * next.height < (y + 1) * height; ++j)
+        for (int i = x * width / next.width; i * next.width < (x + 1) * width; ++i)
+          sum = sum +
+                at(i, j) * (overlap(i, x, width, next.width) * overlap(j, y, height, next.height));
+      next.texels.push_back(sum * (1 / weight_sum));
+    }
+  return next;
+}
+
+void appendBase(const Texture& texture, std::vector<uint32_t>& texels) {
+  for (std::size_t i = 0; i + 3 < texture.rgba.size(); i += 4)
+    texels.push_back(texture.rgba[i] | (uint32_t{texture.rgba[i + 1]} << 8) |
+                     (uint32_t{texture.rgba[i + 2]} << 16) | (uint32_t{texture.rgba[i + 3]} << 24));
+}
+
+// Levels are made of unrounded ones: roundings do not add up on the way to the coarsest.
+void appendWithLevels(const Texture& texture, bool srgb, std::vector<uint32_t>& texels) {
+  const std::size_t first = texels.size();
+  appendBase(texture, texels);
+  int width = texture.width, height = texture.height;
+  Level level{};
+  while (width * height > 1) {
+    const auto index = [&](int x, int y) { return static_cast<std::size_t>(y * width + x); };
+    level =
+        level.texels.empty()
+            ? halve(width, height,
+                    [&](int x, int y) { return decodeTexel(texels[first + index(x, y)], srgb); })
+            : halve(width, height, [&](int x, int y) { return level.texels[index(x, y)]; });
+    width = level.width, height = level.height;
+    for (const Vec4f& texel : level.texels) texels.push_back(encodeTexel(texel, srgb));
+  }
+}
+
+FirstTexels appendTextures(const Scene& scene, TextureLevels levels,
+                           std::vector<uint32_t>& texels) {
+  std::vector<bool> is_color(scene.textures.size()), is_metallic(scene.textures.size());
+  const auto mark = [](const TextureUse& use, std::vector<bool>& marks) {
+    if (use.used()) marks[static_cast<std::size_t>(use.texture)] = true;
+  };
+  for (const Material& m : scene.materials) {
+    mark(m.base_color_texture, is_color);
+    mark(m.emission_texture, is_color);
+    mark(m.metallic_texture, is_metallic);
+  }
+  FirstTexels first;
+  for (std::size_t i = 0; i < scene.textures.size(); ++i) {
+    const Texture& texture = scene.textures[i];
+    const auto end = [&] { return static_cast<uint32_t>(texels.size()); };
+    const bool all = levels == TextureLevels::all;
+    first.color.push_back(end());
+    first.metallic.push_back(end());
+    if (all && is_color[i]) {
+      appendWithLevels(texture, true, texels);
+      first.metallic.back() = end();
+    }
+    if (all && is_metallic[i]) appendWithLevels(texture, false, texels);
+    if (!all || (!is_color[i] && !is_metallic[i])) appendBase(texture, texels);
+  }
+  return first;
+}
 
 TextureUseData makeUse(const TextureUse& use, const Scene& scene,
                        const std::vector<uint32_t>& first_texel) {
@@ -86,16 +182,9 @@ Vec3f shadingNormal(const Place& place, const Vec3f& normal) {
 
 }  // namespace
 
-MaterialTable makeMaterialTable(const Scene& scene) {
+MaterialTable makeMaterialTable(const Scene& scene, TextureLevels levels) {
   MaterialTable table;
-  std::vector<uint32_t> first_texel;
-  for (const Texture& texture : scene.textures) {
-    first_texel.push_back(static_cast<uint32_t>(table.texels.size()));
-    for (std::size_t i = 0; i + 3 < texture.rgba.size(); i += 4)
-      table.texels.push_back(texture.rgba[i] | (uint32_t{texture.rgba[i + 1]} << 8) |
-                             (uint32_t{texture.rgba[i + 2]} << 16) |
-                             (uint32_t{texture.rgba[i + 3]} << 24));
-  }
+  const FirstTexels first = appendTextures(scene, levels, table.texels);
   for (const Material& m : scene.materials) {
     MaterialData data;
     data.base_color = m.base_color;
@@ -105,9 +194,9 @@ MaterialTable makeMaterialTable(const Scene& scene) {
     data.alpha_cutoff = m.alpha_cutoff;
     data.alpha_mask = m.alpha_mask;
     data.double_sided = m.double_sided;
-    data.base_color_texture = makeUse(m.base_color_texture, scene, first_texel);
-    data.metallic_texture = makeUse(m.metallic_texture, scene, first_texel);
-    data.emission_texture = makeUse(m.emission_texture, scene, first_texel);
+    data.base_color_texture = makeUse(m.base_color_texture, scene, first.color);
+    data.metallic_texture = makeUse(m.metallic_texture, scene, first.metallic);
+    data.emission_texture = makeUse(m.emission_texture, scene, first.color);
     table.materials.push_back(data);
   }
   return table;

@@ -5,6 +5,12 @@
 
 #include "ddgi/constants.h"
 
+// 1: textures have all levels, and shading reads the one that fits the ray's footprint. Alpha tests
+// read the base level in any case.
+#ifndef PL_TEXTURE_LOD
+#define PL_TEXTURE_LOD 0
+#endif
+
 struct TriangleData {
   uint vertex[3];
   uint material;
@@ -23,36 +29,56 @@ BUFFER(BIND_TEXELS, readonly, Texels, uint texels[]);
 uint fetchTexel(uint index) { return texels[index]; }
 #include "shared/texture.h"
 
-vec4 sampleUse(TextureUseData use, TriangleData triangle, float u, float v, bool srgb) {
+struct TriangleUv {
   vec2 a, b, c;
-  if (textureUvSet(use.flags) == 0u) {
-    a = uv0[triangle.vertex[0]], b = uv0[triangle.vertex[1]], c = uv0[triangle.vertex[2]];
-  } else {
-    a = uv1[triangle.vertex[0]], b = uv1[triangle.vertex[1]], c = uv1[triangle.vertex[2]];
-  }
-  return sampleTexture(use, a * (1.0 - u - v) + b * u + c * v, srgb);
+};
+
+TriangleUv triangleUv(TextureUseData use, TriangleData triangle) {
+  if (textureUvSet(use.flags) == 0u)
+    return TriangleUv(uv0[triangle.vertex[0]], uv0[triangle.vertex[1]], uv0[triangle.vertex[2]]);
+  return TriangleUv(uv1[triangle.vertex[0]], uv1[triangle.vertex[1]], uv1[triangle.vertex[2]]);
+}
+
+vec4 sampleBase(TextureUseData use, TriangleData triangle, float u, float v, bool srgb) {
+  TriangleUv t = triangleUv(use, triangle);
+  return sampleTexture(use, t.a * (1.0 - u - v) + t.b * u + t.c * v, srgb);
+}
+
+vec4 sampleUse(TextureUseData use, TriangleData triangle, float u, float v, float footprint,
+               bool srgb) {
+#if PL_TEXTURE_LOD
+  TriangleUv t = triangleUv(use, triangle);
+  vec2 ab = t.b - t.a, ac = t.c - t.a;
+  float uv_area = footprint * 0.5 * abs(ab.x * ac.y - ab.y * ac.x);
+  return sampleFootprint(use, t.a * (1.0 - u - v) + t.b * u + t.c * v, uv_area, srgb);
+#else
+  return sampleBase(use, triangle, u, v, srgb);
+#endif
 }
 #endif
 
-// Diffuse: base colour (1 - metallic).
-vec3 materialAlbedo(GpuMaterial material, TriangleData triangle, float u, float v) {
+// Diffuse: base colour (1 - metallic). `footprint`: footprintTriangles() of the ray, read with
+// PL_TEXTURE_LOD alone.
+vec3 materialAlbedo(GpuMaterial material, TriangleData triangle, float u, float v,
+                    float footprint) {
   vec3 base = material.base_color;
   float metallic = material.metallic;
 #if PL_TEXTURES
   if (material.base_color_texture.width != 0u)
-    base *= sampleUse(material.base_color_texture, triangle, u, v, true).rgb;
+    base *= sampleUse(material.base_color_texture, triangle, u, v, footprint, true).rgb;
   if (material.metallic_texture.width != 0u)
-    metallic *= sampleUse(material.metallic_texture, triangle, u, v, false).b;
+    metallic *= sampleUse(material.metallic_texture, triangle, u, v, footprint, false).b;
 #endif
   return base * (1.0 - metallic);
 }
 
 #if PL_EMISSION
-vec3 materialEmission(GpuMaterial material, TriangleData triangle, float u, float v) {
+vec3 materialEmission(GpuMaterial material, TriangleData triangle, float u, float v,
+                      float footprint) {
   vec3 emission = material.emission;
 #if PL_TEXTURES
   if (material.emission_texture.width != 0u)
-    emission *= sampleUse(material.emission_texture, triangle, u, v, true).rgb;
+    emission *= sampleUse(material.emission_texture, triangle, u, v, footprint, true).rgb;
 #endif
   return emission;
 }
@@ -64,7 +90,7 @@ bool materialCutsOut(GpuMaterial material, TriangleData triangle, float u, float
   float alpha = material.base_alpha;
 #if PL_TEXTURES
   if (material.base_color_texture.width != 0u)
-    alpha *= sampleUse(material.base_color_texture, triangle, u, v, true).a;
+    alpha *= sampleBase(material.base_color_texture, triangle, u, v, true).a;
 #endif
   return alpha < material.alpha_cutoff;
 }

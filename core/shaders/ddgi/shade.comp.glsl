@@ -21,7 +21,12 @@ BUFFER(BIND_SKY, readonly, SkyBuffer, SkyData sky);
 BUFFER(BIND_SKY_IMAGE, readonly, SkyImage, vec3 sky_image[]);
 #endif
 
-layout(push_constant, scalar) uniform Push { uint item_count; } push;
+layout(push_constant, scalar) uniform Push {
+  uint item_count;
+#if PL_TEXTURE_LOD
+  float cone_area;  // of a ray's cone, 1 m from its origin, in square metres
+#endif
+} push;
 
 vec3 skyRadiance(vec3 direction) {
 #if PL_SKY_IMAGE
@@ -72,9 +77,14 @@ RaySurface shade(Ray ray, Hit hit) {
   surface.radiance = vec3(0.0);
   surface.hit = black ? 0u : 1u;
   if (!black) {
-    surface.albedo = materialAlbedo(material, triangle, hit.u, hit.v);
+    float footprint = 0.0;
+#if PL_TEXTURE_LOD
+    footprint =
+        footprintTriangles(push.cone_area, hit.t, cross(p1 - p0, p2 - p0), ray.direction);
+#endif
+    surface.albedo = materialAlbedo(material, triangle, hit.u, hit.v, footprint);
 #if PL_EMISSION
-    surface.radiance = materialEmission(material, triangle, hit.u, hit.v);
+    surface.radiance = materialEmission(material, triangle, hit.u, hit.v, footprint);
 #endif
   }
   return surface;

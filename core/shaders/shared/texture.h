@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Texture lookups as both renderers do them: base level, wrap, nearest or bilinear, sRGB decoded
-// before filtering. Plain float; included by core/trace and by the shade stage.
+// Texture lookups as both renderers do them: wrap, nearest or bilinear, sRGB decoded before
+// filtering. The path tracer and alpha tests see the base level; probe rays may see the mean over
+// their footprint. Plain float; included by core/trace and by the shade stage.
 //
 // The includer supplies the texels: in GLSL `uint fetchTexel(uint index)`, declared before the
 // include; in C++ any callable, passed first. A texel holds 8-bit r, g, b, a from the lowest byte.
@@ -112,6 +113,58 @@ PL_TEXEL_FUNCTION PL_FLOAT4 sampleTexture(PL_TEXEL_SOURCE PL_CONST_IN(TextureUse
   const PL_FLOAT4 t01 = texelAt(PL_TEXEL_PASS use, x0, y0 + 1, srgb);
   const PL_FLOAT4 t11 = texelAt(PL_TEXEL_PASS use, x0 + 1, y0 + 1, srgb);
   return (t00 * (1.0f - fx) + t10 * fx) * (1.0f - fy) + (t01 * (1.0f - fx) + t11 * fx) * fy;
+}
+
+// How many times a ray's footprint holds the triangle it hit. The disc that the cone cuts out at
+// right angles to the ray, cone_area t^2, is seen under the same angle as the footprint; so is the
+// triangle's projection along the ray, half of |area_vector . direction| (area_vector = the cross
+// product of two edges). A ratio of areas that no affine map changes, uv coordinates included.
+// With cone_area = 4 pi / R the footprint is the reciprocal of the hits' density, so that those of R
+// rays cover a surface once. (Ray cones take the footprint's longer side, which is larger by
+// 1 / sqrt(cos) and blurs more at grazing angles: Akenine-Moeller et al. 2021, "Improved shader and
+// texture level of detail using ray cones".)
+PL_INLINE float footprintTriangles(float cone_area, float distance,
+                                   PL_CONST_IN(PL_FLOAT3) area_vector,
+                                   PL_CONST_IN(PL_FLOAT3) direction) {
+  const float projected = 0.5f * abs(dot(area_vector, direction));
+  return cone_area * distance * distance / max(projected, 1e-30f);
+}
+
+// The next coarser level, which follows in the array of texels: half the size, rounded down, and at
+// least 1.
+PL_INLINE TextureUseData coarserLevel(PL_CONST_IN(TextureUseData) use) {
+  TextureUseData next = use;
+  next.first_texel = use.first_texel + use.width * use.height;
+  next.width = max(use.width / 2u, 1u);
+  next.height = max(use.height / 2u, 1u);
+  return next;
+}
+
+// The texture's mean over a footprint around uv; `uv_area` is its area in uv before the transform.
+// The texture must have all its levels. Levels are told apart by their number of texels N, which
+// holds for every size and shape: the base level up to N c = 1 (c: the share of the texture that is
+// covered), the coarsest from c = 1. In between the finer level's weight f leaves a texture of
+// noise the variance of a box of area c, f^2 N_fine + (1 - f^2) N_coarse = 1 / c (the coarser
+// texel is the mean of finer ones).
+PL_TEXEL_FUNCTION PL_FLOAT4 sampleFootprint(PL_TEXEL_SOURCE PL_CONST_IN(TextureUseData) use,
+                                            PL_FLOAT2 uv, float uv_area, bool srgb) {
+  const float c = min(uv_area * abs(use.m00 * use.m11 - use.m01 * use.m10), 4.0f);
+  TextureUseData fine = use;
+  float fine_cover = c * float(use.width * use.height);
+  if (fine_cover <= 1.0f || use.width * use.height == 1u)
+    return sampleTexture(PL_TEXEL_PASS use, uv, srgb);
+  TextureUseData coarse = coarserLevel(fine);
+  float coarse_cover = c * float(coarse.width * coarse.height);
+  while (coarse_cover > 1.0f && coarse.width * coarse.height > 1u) {
+    fine = coarse;
+    fine_cover = coarse_cover;
+    coarse = coarserLevel(fine);
+    coarse_cover = c * float(coarse.width * coarse.height);
+  }
+  const PL_FLOAT4 low = sampleTexture(PL_TEXEL_PASS coarse, uv, srgb);
+  if (coarse_cover >= 1.0f) return low;
+  const float f = sqrt((1.0f - coarse_cover) / (fine_cover - coarse_cover));
+  return low * (1.0f - f) + sampleTexture(PL_TEXEL_PASS fine, uv, srgb) * f;
 }
 
 PL_NAMESPACE_END

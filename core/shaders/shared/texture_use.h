@@ -15,7 +15,7 @@ const PL_UINT kWrapMirror = 2u;
 
 // A texture as one material uses it; scalar layout. width = 0: none. The rest of `flags` is 0.
 struct TextureUseData {
-  PL_UINT first_texel;  // texels of all textures lie in one array, row 0 first
+  PL_UINT first_texel;  // texels of all textures lie in one array, row 0 first, base level first
   PL_UINT width;
   PL_UINT height;
   PL_UINT flags;        // textureFlags()

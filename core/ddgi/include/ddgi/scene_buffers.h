@@ -5,6 +5,7 @@
 
 #include "ddgi/stage.h"
 #include "scene/scene.h"
+#include "trace/surface.h"
 
 namespace probelab {
 
@@ -15,7 +16,8 @@ struct SceneBuffers {
   GpuBuffer sky, sky_image, lights;
 };
 
-SceneBuffers uploadScene(GpuContext& context, const Scene& scene);
+SceneBuffers uploadScene(GpuContext& context, const Scene& scene,
+                         TextureLevels levels = TextureLevels::base);
 
 // PL_TRIANGLES, PL_TEXTURES, ... as 0 or 1.
 Defines sceneDefines(const SceneFeatures& features);

@@ -26,7 +26,14 @@ struct MaterialTable {
   std::vector<MaterialData> materials;
   std::vector<uint32_t> texels;  // r, g, b, a from the lowest byte; all textures, in their order
 };
-MaterialTable makeMaterialTable(const Scene& scene);
+
+// `all` puts behind each texture its coarser levels, for sampleFootprint() (a third more texels).
+// A level halves the one before, sizes rounded down and at least 1, to 1 x 1: each texel is the
+// mean of the stretch of texture that it covers, in linear light (colours) or as stored (metallic,
+// alpha), rounded to 8 bits. Every level tiles the unit square, so that wrapping holds in all. A
+// texture that serves as colour and as metallic is there twice.
+enum class TextureLevels { base, all };
+MaterialTable makeMaterialTable(const Scene& scene, TextureLevels levels = TextureLevels::base);
 
 // All vectors in local coordinates, normals of unit length.
 struct Surface {
