@@ -5,13 +5,14 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "ddgi/texels.h"
+#include "shared/atlas_format.h"
 
 namespace probelab {
 namespace {
 
 constexpr uint32_t kQueryGroup = 64;
 constexpr std::size_t kMaxPoints = std::size_t{1} << 20;
+static_assert(sizeof(QueryPoint) == 36);  // Point in query.comp.glsl
 
 // Bytes of shared memory a ray needs: its direction, and radiance with distance or the distance.
 uint32_t sharedBytesPerRay(bool is_irradiance) { return is_irradiance ? 28 : 16; }
@@ -202,19 +203,22 @@ std::vector<uint32_t> TextbookField::texelWords(GpuImage& image, uint32_t side) 
 std::vector<Vec3f> TextbookField::irradianceTexels() {
   const std::vector<uint32_t> words = texelWords(irradiance_.image, settings_.irradiance_texels);
   std::vector<Vec3f> texels;
-  const int format = settings_.full_floats ? PL_FORMAT_RGBA32F : PL_FORMAT_RGBA16F;
   for (std::size_t i = 0; i < words.size(); i += settings_.full_floats ? 4 : 2)
-    texels.push_back(unpackIrradiance(format, &words[i]));
+    texels.emplace_back(channel(&words[i], 0), channel(&words[i], 1), channel(&words[i], 2));
   return texels;
 }
 
 std::vector<Vec2f> TextbookField::momentTexels() {
   const std::vector<uint32_t> words = texelWords(moments_.image, settings_.moment_texels);
   std::vector<Vec2f> texels;
-  const int format = settings_.full_floats ? PL_FORMAT_RG32F : PL_FORMAT_RG16F;
   for (std::size_t i = 0; i < words.size(); i += settings_.full_floats ? 2 : 1)
-    texels.push_back(unpackMoments(format, &words[i]));
+    texels.emplace_back(channel(&words[i], 0), channel(&words[i], 1));
   return texels;
+}
+
+float TextbookField::channel(const uint32_t* texel, uint32_t index) const {
+  if (settings_.full_floats) return uintBitsToFloat(texel[index]);
+  return unpackHalfFloat(texel[index / 2] >> (16 * (index % 2)) & 0xffffu);
 }
 
 }  // namespace probelab

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays -> texels as [RTXGI] 1.3.7 publishes it: a workgroup a probe, an invocation a texel with the
-// border, which loops over all rays of its probe. PL_BLEND 0: irradiance; 1: mean and mean square
-// of the distance, whose weight is a power of the cosine for every ray and texel. PL_SHARED_MEMORY 1
-// stages the probe's rays in shared memory, as the SDK does by default.
+// border, which loops over all rays of its probe. PL_BLEND 0: irradiance; 1: mean and mean square of
+// the distance, whose weight is a power of the cosine, taken for every ray and texel.
+// PL_SHARED_MEMORY 1 stages the probe's rays in shared memory, as the SDK does by default.
 //
-// Differs from the SDK in what is stored: mean^(1/gamma) and full moments, where it stores half
-// of each, so that the texels compare with Probelab's; ray directions are read, not computed.
+// Differs from the SDK in what is stored: mean^(1/gamma) and full moments, where it stores half of
+// each, so that the texels compare with Probelab's; ray directions are read, not computed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

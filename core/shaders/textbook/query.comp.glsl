@@ -5,13 +5,18 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
-#include "ddgi/constants.h"
 #include "shared/octahedral.h"
 #include "textbook/constants.h"
 
+struct Point {
+  vec3 position;
+  vec3 normal;
+  vec3 view;
+};
+
 layout(local_size_x = 64) in;
 
-layout(set = 0, binding = 0, scalar) readonly buffer Points { QueryPoint points[]; };
+layout(set = 0, binding = 0, scalar) readonly buffer Points { Point points[]; };
 layout(set = 0, binding = 1) writeonly buffer Results { vec4 results[]; };
 layout(set = 0, binding = 2) uniform sampler2DArray irradiance_atlas;
 layout(set = 0, binding = 3) uniform sampler2DArray distance_atlas;
@@ -30,7 +35,7 @@ float blendWeight(vec3 position, ivec3 counts) {
   return weight.x * weight.y * weight.z;
 }
 
-vec3 queryField(QueryPoint point, ivec3 counts) {
+vec3 queryField(Point point, ivec3 counts) {
   vec3 biased = point.position + point.normal * push.normal_bias - point.view * push.view_bias;
   ivec3 base = clamp(ivec3((biased - push.first) / push.spacing), ivec3(0), counts - 1);
   vec3 base_position = push.first + vec3(base) * push.spacing;
@@ -83,7 +88,7 @@ void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.point_count) return;
   ivec3 counts = ivec3(push.count_x, push.count_y, push.count_z);
-  QueryPoint point = points[i];
+  Point point = points[i];
   vec3 irradiance = vec3(0.0);
   float volume_weight = blendWeight(point.position, counts);
   if (volume_weight > 0.0) irradiance = volume_weight * queryField(point, counts);

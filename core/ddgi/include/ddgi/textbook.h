@@ -88,6 +88,7 @@ class TextbookField {
   template <class Body>
   void withQuery(std::span<const QueryPoint> points, const Body& body);
   std::vector<uint32_t> texelWords(GpuImage& image, uint32_t side);
+  float channel(const uint32_t* texel, uint32_t index) const;
 
   GpuContext& context_;
   Lattice lattice_;
