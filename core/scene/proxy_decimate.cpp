@@ -24,6 +24,21 @@ bool takesFace(const ProxyMesh& mesh, const std::array<ProxyMesh::VertexHandle, 
   return true;
 }
 
+// Faces folded flat onto their neighbours hide what a turned face would tell.
+void lockFolds(HalfEdgePatch& half_edge) {
+  constexpr double kFoldCosine = -0.97;
+  ProxyMesh& mesh = half_edge.mesh;
+  for (const auto edge : mesh.edges()) {
+    if (mesh.is_boundary(edge)) continue;
+    const auto side = mesh.halfedge_handle(edge, 0), other = mesh.halfedge_handle(edge, 1);
+    const double cosine =
+        OpenMesh::dot(mesh.normal(mesh.face_handle(side)), mesh.normal(mesh.face_handle(other)));
+    if (cosine > kFoldCosine) continue;
+    half_edge.locked[static_cast<std::size_t>(mesh.to_vertex_handle(side).idx())] = true;
+    half_edge.locked[static_cast<std::size_t>(mesh.to_vertex_handle(other).idx())] = true;
+  }
+}
+
 void fillMesh(const Geometry& geometry, const Patch& patch, HalfEdgePatch& out) {
   ProxyMesh& mesh = out.mesh;
   mesh.request_vertex_status();
@@ -47,9 +62,10 @@ void fillMesh(const Geometry& geometry, const Patch& patch, HalfEdgePatch& out) 
       for (const uint32_t vertex : patch.faces[f]) out.locked[vertex] = true;
     }
   }
+  mesh.update_face_normals();
+  lockFolds(out);
   for (const auto v : mesh.vertices())
     mesh.status(v).set_locked(out.locked[static_cast<std::size_t>(v.idx())] || mesh.is_boundary(v));
-  mesh.update_face_normals();
 }
 
 void decimateMesh(HalfEdgePatch& half_edge, const Geometry& geometry, const Patch& patch,

@@ -96,6 +96,7 @@ bool ProxyAttributes::moveFace(const ProxyCollapse& collapse, int face, uint32_t
     if (vertices_[f][k] != collapse.v0.idx()) continue;
     moved.corners[k] = corner;
     moved.points[k] = toVec(collapse.p1);
+    moved.slot = k;
   }
   return shape(moved.points) >= std::min(kMinShape, shape(before));
 }
@@ -135,17 +136,11 @@ bool ProxyAttributes::samplesHold(const std::vector<MovedFace>& moved,
   });
 }
 
-// Whether points of the new faces lie within the bound of the original surface. In a plane a fan
-// that turns no face over covers what it replaces, so nothing has to be asked there.
+// Whether the centroids and the new edges' middles lie within the bound of the original surface
+// (what lies between is measured when all is done). In a plane a fan that turns no face over covers
+// what it replaces, so nothing has to be asked there.
 bool ProxyAttributes::staysNear(const ProxyCollapse& collapse,
                                 const std::vector<MovedFace>& moved) const {
-  constexpr std::array<Vec2d, 7> kMarks{{{1. / 3, 1. / 3},
-                                         {1. / 6, 1. / 6},
-                                         {2. / 3, 1. / 6},
-                                         {1. / 6, 2. / 3},
-                                         {0.5, 0},
-                                         {0.5, 0.5},
-                                         {0, 0.5}}};
   const double bound_m = settings_.max_error_m + slack_m_;
   const TrianglePoints& first = moved.front().points;
   const Vec3d normal = normalize(cross(first[1] - first[0], first[2] - first[0]));
@@ -156,10 +151,12 @@ bool ProxyAttributes::staysNear(const ProxyCollapse& collapse,
   for (const MovedFace& m : moved)
     for (const Vec3d& p : m.points) flat = flat && isInPlane(p);
   if (flat) return true;
-  for (const MovedFace& m : moved)
-    for (const Vec2d& mark : kMarks)
-      if (!settings_.original->within(pointOf(m.points, mark), bound_m)) return false;
-  return true;
+  return std::all_of(moved.begin(), moved.end(), [&](const MovedFace& m) {
+    const auto& [a, b, c] = m.points;
+    const Vec3d edge_middle = (m.points[m.slot] + m.points[(m.slot + 1) % 3]) * 0.5;
+    return settings_.original->within((a + b + c) / 3.0, bound_m) &&
+           settings_.original->within(edge_middle, bound_m);
+  });
 }
 
 float ProxyAttributes::collapse_priority(const ProxyCollapse& collapse) {

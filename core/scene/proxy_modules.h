@@ -71,7 +71,8 @@ class ProxyAttributes : public OpenMesh::Decimater::ModBaseT<ProxyMesh> {
 
  private:
   struct MovedFace {
-    int face;
+    int face = 0;
+    std::size_t slot = 0;   // of the corner that moves
     Corners corners;        // after the collapse
     TrianglePoints points;  // after the collapse
   };

@@ -19,11 +19,12 @@ double clampedShare(double part, double whole) {
   return whole > 0 ? std::clamp(part / whole, 0.0, 1.0) : 0.0;
 }
 
-// The closest of the three edges: the way out for triangles without an area.
-Vec2d closestOnEdges(const TrianglePoints& t, const Vec3d& p) {
+// The closest point of those edges whose bit is set.
+Vec2d closestOnEdges(const TrianglePoints& t, const Vec3d& p, unsigned edges) {
   Vec2d best{};
   double best_squared = std::numeric_limits<double>::infinity();
   for (int e = 0; e < 3; ++e) {
+    if (!(edges >> e & 1)) continue;
     const Vec3d& a = t[e];
     const Vec3d edge = t[(e + 1) % 3] - a;
     const double s = clampedShare(dot(p - a, edge), squaredLength(edge));
@@ -45,9 +46,12 @@ Vec2d closestOnTriangle(const TrianglePoints& t, const Vec3d& p) {
     const Vec3d ap = p - t[0];
     const double u = dot(cross(ap, ac), n) / n_squared;
     const double v = dot(cross(ab, ap), n) / n_squared;
-    if (u >= 0 && v >= 0 && u + v <= 1) return {u, v};
+    // A triangle is convex: the closest point lies on an edge that p is beyond.
+    const unsigned beyond = (v < 0 ? 1u : 0u) | (u + v > 1 ? 2u : 0u) | (u < 0 ? 4u : 0u);
+    if (beyond == 0) return {u, v};
+    return closestOnEdges(t, p, beyond);
   }
-  return closestOnEdges(t, p);
+  return closestOnEdges(t, p, 7);
 }
 
 TriangleDistance::TriangleDistance(std::vector<TrianglePoints> triangles)
@@ -86,6 +90,9 @@ void TriangleDistance::build(std::span<TrianglePoints> triangles, uint32_t first
 double TriangleDistance::leafDistance(const Node& node, const Vec3d& p, double best) const {
   for (uint32_t i = node.first; i < node.first + node.count; ++i) {
     const TrianglePoints& t = triangles_[i];
+    const Vec3d n = cross(t[1] - t[0], t[2] - t[0]);
+    const double height = dot(p - t[0], n);  // over its plane, times the length of n
+    if (height * height > best * squaredLength(n)) continue;
     best = std::min(best, squaredLength(pointOf(t, closestOnTriangle(t, p)) - p));
   }
   return best;
