@@ -29,28 +29,28 @@ BUFFER(BIND_TEXELS, readonly, Texels, uint texels[]);
 uint fetchTexel(uint index) { return texels[index]; }
 #include "shared/texture.h"
 
-struct TriangleUv {
-  vec2 a, b, c;
-};
-
-TriangleUv triangleUv(TextureUseData use, TriangleData triangle) {
-  if (textureUvSet(use.flags) == 0u)
-    return TriangleUv(uv0[triangle.vertex[0]], uv0[triangle.vertex[1]], uv0[triangle.vertex[2]]);
-  return TriangleUv(uv1[triangle.vertex[0]], uv1[triangle.vertex[1]], uv1[triangle.vertex[2]]);
+void triangleUv(TextureUseData use, TriangleData triangle, out vec2 a, out vec2 b, out vec2 c) {
+  if (textureUvSet(use.flags) == 0u) {
+    a = uv0[triangle.vertex[0]], b = uv0[triangle.vertex[1]], c = uv0[triangle.vertex[2]];
+  } else {
+    a = uv1[triangle.vertex[0]], b = uv1[triangle.vertex[1]], c = uv1[triangle.vertex[2]];
+  }
 }
 
 vec4 sampleBase(TextureUseData use, TriangleData triangle, float u, float v, bool srgb) {
-  TriangleUv t = triangleUv(use, triangle);
-  return sampleTexture(use, t.a * (1.0 - u - v) + t.b * u + t.c * v, srgb);
+  vec2 a, b, c;
+  triangleUv(use, triangle, a, b, c);
+  return sampleTexture(use, a * (1.0 - u - v) + b * u + c * v, srgb);
 }
 
 vec4 sampleUse(TextureUseData use, TriangleData triangle, float u, float v, float footprint,
                bool srgb) {
 #if PL_TEXTURE_LOD
-  TriangleUv t = triangleUv(use, triangle);
-  vec2 ab = t.b - t.a, ac = t.c - t.a;
+  vec2 a, b, c;
+  triangleUv(use, triangle, a, b, c);
+  vec2 ab = b - a, ac = c - a;
   float uv_area = footprint * 0.5 * abs(ab.x * ac.y - ab.y * ac.x);
-  return sampleFootprint(use, t.a * (1.0 - u - v) + t.b * u + t.c * v, uv_area, srgb);
+  return sampleFootprint(use, a * (1.0 - u - v) + b * u + c * v, uv_area, srgb);
 #else
   return sampleBase(use, triangle, u, v, srgb);
 #endif

@@ -231,11 +231,11 @@ TEST(SampleFootprint, TheTransformScalesTheArea) {
               sample(table, plain, Vec2f(0.1f, 0.4f), 8 * area));
 }
 
-// Of noise the mean over a footprint of k texels has 1 / k of the variance. With 3 levels' worth of
-// texels left, n = 65536 / k independent values give the variance within sqrt(2 / n); four of that.
+// Noise averaged over 4^l texels has 4^-l of the variance, and a footprint of k texels reads the
+// nearest l. n = 65536 / 4^l independent values give a variance within sqrt(2 / n); four of that.
 TEST(SampleFootprint, NoiseFallsWithTheFootprintsArea) {
   const Texture texture = noiseTexture(256, 256, 10);
-  Scene scene = colorScene(texture, TextureWrap::repeat, true);
+  const Scene scene = colorScene(texture, TextureWrap::repeat, true);
   const MaterialTable table = makeMaterialTable(scene, TextureLevels::all);
   const TextureUseData& use = table.materials[0].base_color_texture;
   const auto variance = [&](float texels) {
@@ -249,9 +249,10 @@ TEST(SampleFootprint, NoiseFallsWithTheFootprintsArea) {
     return squares / 65536 - sum * sum / 65536 / 65536;
   };
   const double base = variance(1);
-  for (const float texels : {1.5f, 2.0f, 3.0f, 4.0f, 6.0f, 16.0f, 30.0f, 64.0f})
-    EXPECT_NEAR(variance(texels) * static_cast<double>(texels) / base, 1,
-                4 * std::sqrt(2 * static_cast<double>(texels) / 65536))
+  for (const auto& [texels, mean_of] :
+       {std::pair(1.9f, 1), std::pair(2.1f, 4), std::pair(4.0f, 4), std::pair(7.9f, 4),
+        std::pair(8.1f, 16), std::pair(31.0f, 16), std::pair(33.0f, 64)})
+    EXPECT_NEAR(variance(texels) * mean_of / base, 1, 4 * std::sqrt(2.0 * mean_of / 65536))
         << texels;
 }
 
