@@ -59,8 +59,9 @@ ImageFile toImageFile(const FieldImage& image) {
 FieldImage renderImage(const RenderOptions& options, FieldSetup& setup, const Camera& camera,
                        const Invocation& invocation) {
   Progress progress("image", 1, invocation.common.quiet);
+  FieldCamera view(setup.gpu, *setup.field, setup.scene, setup.embree);
   FieldImage image =
-      renderField(*setup.field, camera, options.width, options.height, options.spp,
+      renderField(view, camera, options.width, options.height, options.spp,
                   invocation.common.seed, [&](double done) { progress.update(done); });
   progress.finish();
   if (options.show_probes)

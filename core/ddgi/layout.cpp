@@ -82,8 +82,10 @@ LatticeShape latticeShape(const ProbeLayout& layout, const Params& params) {
   shape.count_x = layout.lattice.count.x;
   shape.count_y = layout.lattice.count.y;
   shape.count_z = layout.lattice.count.z;
-  shape.irradiance_texels = params.irradiance_texels - 2;
-  shape.moment_texels = params.moment_texels - 2;
+  const AtlasSides sides = atlasSides(params);
+  shape.irradiance_texels = sides.irradiance;
+  shape.moment_texels = sides.moments;
+  shape.border = sides.border;
   return shape;
 }
 

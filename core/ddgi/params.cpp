@@ -14,93 +14,18 @@
 #include "base/files.h"
 #include "base/suggest.h"
 #include "ddgi/preset_files.h"
+#include "param_keys.h"
 
 namespace probelab {
 namespace {
 
-struct RealKey {
-  double Params::*member;
-  double low, high;
-};
-struct IntKey {
-  int Params::*member;
-  int low, high;
-};
-struct SwitchKey {
-  int Params::*member;
-};
-struct ChoiceKey {  // the member holds the index of the name
-  int Params::*member;
-  std::vector<std::string> names;
-};
-
-struct Key {
-  std::string name, unit;
-  std::variant<RealKey, IntKey, SwitchKey, ChoiceKey> kind;
-  std::string advice;
-};
-
-const std::vector<Key>& keys() {
-  static const std::vector<Key> table = {
-      {"rays", "", IntKey{&Params::rays, 1, 65536}, "more: less noise an update, more cost"},
-      {"hysteresis", "", RealKey{&Params::hysteresis, 0, 1},
-       "temporal mode: share of the old value an update keeps; higher: calmer, slower"},
-      {"irradiance_texels", "texels", IntKey{&Params::irradiance_texels, 3, 66},
-       "a side with the border; more: sharper in angle"},
-      {"irradiance_format", "",
-       ChoiceKey{&Params::irradiance_format, {"rgba32f", "rgba16f", "r11g11b10f", "rgb10a2"}},
-       "rgba32f to rule out storage errors"},
-      {"encoding_gamma", "", RealKey{&Params::encoding_gamma, 1, 8},
-       "stored = mean^(1/gamma); 1 averages energy, 5 favours dark over bright"},
-      {"moment_texels", "texels", IntKey{&Params::moment_texels, 3, 66},
-       "a side with the border; more: sharper occlusion edges"},
-      {"moment_format", "", ChoiceKey{&Params::moment_format, {"rg32f", "rg16f"}},
-       "rg32f to rule out storage errors"},
-      {"distance_exponent", "", RealKey{&Params::distance_exponent, 1, 1000},
-       "sharpness of the lobe that distances are averaged over"},
-      {"distance_clamp", "x r_i", RealKey{&Params::distance_clamp, 0.5, 100},
-       "farther hits count as this far"},
-      {"backface_shortening", "", RealKey{&Params::backface_shortening, 0, 1},
-       "factor on the distance of a back face; small: probes in walls are occluded everywhere"},
-      {"backface_skip", "", SwitchKey{&Params::backface_skip},
-       "leave rays that hit back faces out of the irradiance"},
-      {"visibility", "", SwitchKey{&Params::visibility}, "weigh probes by their distance moments"},
-      {"normal_bias", "x s_i", RealKey{&Params::normal_bias, 0, 2},
-       "higher against self-shadowing, lower against leaks through thin walls"},
-      {"view_bias", "x s_i", RealKey{&Params::view_bias, 0, 2}, "the same, towards the viewer"},
-      {"facing", "", ChoiceKey{&Params::facing, {"none", "wrap", "wrap_biased"}},
-       "favour probes in front of the surface"},
-      {"facing_offset", "", RealKey{&Params::facing_offset, 0, 10},
-       "weight that a probe behind the surface keeps"},
-      {"trilinear", "", ChoiceKey{&Params::trilinear, {"plain", "product_plus", "axis_max"}},
-       "how the floor enters the trilinear weight"},
-      {"trilinear_floor", "", RealKey{&Params::trilinear_floor, 0, 1},
-       "keeps far corners of the cell in play when near ones are occluded"},
-      {"chebyshev_power", "", RealKey{&Params::chebyshev_power, 0.1, 32},
-       "higher: harder occlusion"},
-      {"visibility_floor", "", RealKey{&Params::visibility_floor, 0, 1},
-       "weight of a fully occluded probe; 0 against leaks, above 0 against black cells"},
-      {"variance_bias", "x r_i^2", RealKey{&Params::variance_bias, 0, 1},
-       "softens occlusion where distances are uniform"},
-      {"crush", "", ChoiceKey{&Params::crush, {"none", "after_trilinear", "before_trilinear"}},
-       "where small weights are pressed towards 0"},
-      {"crush_threshold", "", RealKey{&Params::crush_threshold, 1e-6, 10},
-       "weights below it become w^3 / threshold^2"},
-      {"average", "", ChoiceKey{&Params::average, {"linear", "sqrt", "sqrt_of_weighted"}},
-       "the space in which probes are averaged"},
-      {"fallback", "", ChoiceKey{&Params::fallback, {"none", "lerp_unoccluded"}},
-       "what a cell of occluded probes answers"},
-  };
-  return table;
-}
-
 std::vector<std::string> keyNames() {
   std::vector<std::string> names;
-  for (const Key& key : keys()) names.push_back(key.name);
+  for (const ParamKey& key : paramKeys()) names.push_back(key.name);
   return names;
 }
 
-std::string rangeText(const Key& key) {
+std::string rangeText(const ParamKey& key) {
   if (const auto* real = std::get_if<RealKey>(&key.kind))
     return fmt::format("{:g} .. {:g}", real->low, real->high);
   if (const auto* integer = std::get_if<IntKey>(&key.kind))
@@ -111,7 +36,8 @@ std::string rangeText(const Key& key) {
 }
 
 // Sets one key from a TOML value; `where` opens every message.
-void assign(Params& params, const Key& key, const toml::node& value, const std::string& where) {
+void assign(Params& params, const ParamKey& key, const toml::node& value,
+            const std::string& where) {
   const auto refuse = [&](const std::string& what) {
     throwInput("{}: {} {}; it takes {}", where, key.name, what, rangeText(key));
   };
@@ -139,8 +65,8 @@ void assign(Params& params, const Key& key, const toml::node& value, const std::
   }
 }
 
-const Key& findKey(const std::string& name, const std::string& where) {
-  for (const Key& key : keys())
+const ParamKey& findKey(const std::string& name, const std::string& where) {
+  for (const ParamKey& key : paramKeys())
     if (key.name == name) return key;
   throwInput("{}: unknown parameter '{}'{}", where, name, suggestion(name, keyNames()));
 }
@@ -179,8 +105,9 @@ Params readParams(std::string_view text, const std::string& path, bool is_preset
     std::erase(missing, key);
   }
   if (base == nullptr && !missing.empty())
-    throwInput("{}: no value for {}; set it, or add preset = \"rtxgi\" to start from a preset",
-               path, fmt::join(missing, ", "));
+    throwInput("{}: no value for {}{}; set it, or add preset = \"rtxgi\" to start from a preset",
+               path, missing.front(),
+               missing.size() > 1 ? fmt::format(" and {} others", missing.size() - 1) : "");
   return params;
 }
 
@@ -188,7 +115,8 @@ Params readParams(std::string_view text, const std::string& path, bool is_preset
 
 std::vector<ParamInfo> paramTable() {
   std::vector<ParamInfo> table;
-  for (const Key& key : keys()) table.push_back({key.name, key.unit, rangeText(key), key.advice});
+  for (const ParamKey& key : paramKeys())
+    table.push_back({key.name, key.unit, rangeText(key), key.advice});
   return table;
 }
 
@@ -221,7 +149,7 @@ void setParam(Params& params, const std::string& assignment) {
   if (equals == std::string::npos) throwInput("{}: write it as key=value", where);
   const std::string name = assignment.substr(0, equals);
   const std::string value = assignment.substr(equals + 1);
-  const Key& key = findKey(name, where);
+  const ParamKey& key = findKey(name, where);
   const bool bare_name =
       std::holds_alternative<ChoiceKey>(key.kind) && value.find('"') == std::string::npos;
   const toml::table table =
@@ -234,7 +162,7 @@ void setParam(Params& params, const std::string& assignment) {
 
 std::string describeParams(const Params& params) {
   std::ostringstream text;
-  for (const Key& key : keys()) {
+  for (const ParamKey& key : paramKeys()) {
     std::string value;
     if (const auto* real = std::get_if<RealKey>(&key.kind)) {
       value = fmt::format("{}", params.*(real->member));
@@ -252,15 +180,31 @@ std::string describeParams(const Params& params) {
 }
 
 void validateParams(const Params& params) {
-  if (params.irradiance_texels < 3 || params.moment_texels < 3)
-    throwInput("{}: an atlas needs at least 3 texels a side, border included", params.name);
+  const AtlasSides sides = atlasSides(params);
+  if (sides.irradiance < 1 || sides.moments < 1)
+    throwInput("{}: an atlas needs at least {} texels a side{}", params.name, 1 + 2 * sides.border,
+               sides.border ? ", border included" : "");
   if (params.visibility == 0 && params.fallback == PL_FALLBACK_LERP_UNOCCLUDED)
     throwInput("{}: fallback = \"lerp_unoccluded\" needs visibility = true", params.name);
+  if (params.irradiance_fit != 0 && params.encoding_gamma != 1.0)
+    throwInput("{}: irradiance_fit = true needs encoding_gamma = 1 (it fits linear values)",
+               params.name);
+}
+
+AtlasSides atlasSides(const Params& params) {
+  const int border = params.border != 0 ? 1 : 0;
+  return {params.irradiance_texels - 2 * border, params.moment_texels - 2 * border, border};
 }
 
 QueryModes queryModes(const Params& params) {
-  return {params.facing, params.trilinear, params.visibility,
-          params.crush,  params.average,   params.fallback};
+  return {params.facing,
+          params.trilinear,
+          params.visibility,
+          params.crush,
+          params.average,
+          params.fallback,
+          0,
+          params.offset_weights};
 }
 
 QueryParams<double> queryParams(const Params& params) {
@@ -272,8 +216,9 @@ QueryParams<double> queryParams(const Params& params) {
   query.chebyshev_power = params.chebyshev_power;
   query.visibility_floor = params.visibility_floor;
   query.variance_bias = params.variance_bias;
-  // Half a unit in the last place of a stored moment: below it a variance is rounding alone.
-  query.variance_floor = params.moment_format == PL_FORMAT_RG32F ? 0x1p-24 : 0x1p-11;
+  // Half a unit in the last place of a stored raw moment: below it a variance is rounding alone.
+  const bool fine = params.moment_format == PL_FORMAT_RG32F || params.moment_encoding != 0;
+  query.variance_floor = fine ? 0x1p-24 : 0x1p-11;
   query.crush_threshold = params.crush_threshold;
   query.decode_exponent = params.encoding_gamma * (params.average == PL_AVERAGE_LINEAR ? 1.0 : 0.5);
   return query;

@@ -32,7 +32,7 @@ RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, boo
   buffers.hits = createBuffer(context, n * sizeof(Hit), shared, "hits");
   buffers.surfaces = createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
   buffers.radiance = createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "radiance");
-  buffers.distances = createBuffer(context, n * sizeof(Vec2f), MemoryUse::device, "distances");
+  buffers.distances = createBuffer(context, n * sizeof(float), MemoryUse::device, "distances");
   buffers.hit_irradiance =
       createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "hit irradiance");
   if (has_lights) {
@@ -71,7 +71,7 @@ TracerKind parseTracer(const std::string& name) {
 }
 
 uint64_t rayBytes(bool has_lights) {
-  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + 2 * sizeof(Vec4f) + sizeof(Vec2f) +
+  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + 2 * sizeof(Vec4f) + sizeof(float) +
          (has_lights ? sizeof(Ray) + sizeof(uint32_t) : 0);
 }
 
@@ -119,13 +119,17 @@ RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& e
 
 void RayBatch::uploadRays(std::span<const Ray> rays) { uploadArray(context_, buffers_.rays, rays); }
 
-void RayBatch::trace(StageRecorder& recorder, uint32_t count, TextureDetail detail) {
+void RayBatch::traceSurfaces(StageRecorder& recorder, uint32_t count, TextureDetail detail) {
   PROBELAB_CHECK(count <= buffers_.capacity);
   if (tracer_) tracer_->closest(recorder, count);
   if (detail == TextureDetail::footprint && cone_area_ > 0)
     recorder.run("shade", shade_footprint_, FootprintPush{count, cone_area_}, count);
   else
     recorder.run("shade", shade_, CountPush{count}, count);
+}
+
+void RayBatch::trace(StageRecorder& recorder, uint32_t count, TextureDetail detail) {
+  traceSurfaces(recorder, count, detail);
   for (uint32_t light = 0; light < scene_.light_count; ++light) {
     recorder.run("shade", shadow_rays_, LightPush{count, light}, count);
     if (tracer_) tracer_->occluded(recorder, count);

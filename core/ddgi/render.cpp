@@ -38,7 +38,7 @@ void checkFinite(const FieldImage& image) {
 
 }  // namespace
 
-FieldImage renderField(ProbeField& field, const Camera& camera, int width, int height, int spp,
+FieldImage renderField(FieldCamera& view, const Camera& camera, int width, int height, int spp,
                        uint64_t seed, const std::function<void(double)>& progress) {
   if (width < 1 || height < 1 || width > 16384 || height > 16384)
     throwInput("image size {} x {}: each side takes 1 to 16384 pixels", width, height);
@@ -53,7 +53,7 @@ FieldImage renderField(ProbeField& field, const Camera& camera, int width, int h
   const float weight = 1.0f / static_cast<float>(spp);
   for (int sample = 0; sample < spp; ++sample) {
     throwIfInterrupted();
-    const ProbeField::RayResults results = field.shadeRays(pixelRays(camera, image, sample, seed));
+    const ShadedRays results = view.shade(pixelRays(camera, image, sample, seed));
     for (std::size_t i = 0; i < pixels; ++i) {
       const Vec4f& l = results.radiance[i];
       const Vec4f& e = results.irradiance[i];
@@ -79,8 +79,8 @@ void drawProbes(FieldImage& image, ProbeField& field, const Camera& camera, floa
           cameraRay(camera, image.width, image.height, static_cast<float>(i % width) + 0.5f,
                     static_cast<float>(i / width) + 0.5f);
       float nearest = image.depth[i] > 0 ? image.depth[i] : kMissDistance;
-      for (std::size_t p = 0; p < field.layout().positions.size(); ++p) {
-        const Vec3f to_center = field.layout().positions[p] - ray.origin;
+      for (std::size_t p = 0; p < field.states().positions.size(); ++p) {
+        const Vec3f to_center = field.states().positions[p] - ray.origin;
         const float along = dot(to_center, ray.direction);
         const Vec3f across = to_center - ray.direction * along;
         const float inside = radius_m * radius_m - dot(across, across);
@@ -89,7 +89,8 @@ void drawProbes(FieldImage& image, ProbeField& field, const Camera& camera, floa
         if (t <= 0 || t >= nearest) continue;
         nearest = t;
         const Vec3f normal = normalize(ray.direction * t - to_center);
-        const Vec3f stored = readIrradiance(snapshot, static_cast<int>(p), octTaps(normal, n));
+        const Vec3f stored = readIrradiance(snapshot, static_cast<int>(p),
+                                            octTaps(normal, n, snapshot.lattice.border));
         image.radiance[i] = pow(stored, Vec3f(gamma));
       }
     }

@@ -43,15 +43,17 @@ Stage makeStage(GpuContext& context, const std::string& shader, Defines defines,
 StageRecorder::StageRecorder(GpuContext& context) : commands_(context, kMaxTimestamps) {}
 
 void StageRecorder::dispatch(const std::string& name, const Stage& stage,
-                             std::span<const std::byte> push, uint32_t groups) {
-  if (groups == 0) return;
+                             std::span<const std::byte> push, uint32_t groups_x,
+                             uint32_t groups_y) {
+  if (groups_x == 0 || groups_y == 0) return;
   if (2 * (recorded_.size() + 1) > kMaxTimestamps) flush();
   if (!recording_) commands_.begin();
   recording_ = true;
   std::vector<const GpuBuffer*> buffers;
   for (const StageInput& input : stage.inputs) buffers.push_back(input.buffer);
   commands_.timestamp(name);
-  commands_.dispatch(*stage.pipeline, buffers, stage.acceleration_structure, push, groups);
+  commands_.dispatch(*stage.pipeline, buffers, stage.acceleration_structure, push, groups_x,
+                     groups_y);
   commands_.barrier();
   commands_.timestamp(name);
   recorded_.push_back(name);

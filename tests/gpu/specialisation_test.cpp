@@ -12,18 +12,15 @@ using Words = std::vector<uint32_t>;
 
 // resolve.comp.glsl with everything else as in the preset rtxgi.
 Words compileResolve(const std::string& name, const std::string& value) {
-  Defines defines = {{"PL_FACING", "1"},
-                     {"PL_TRILINEAR", "2"},
-                     {"PL_VISIBILITY", "1"},
-                     {"PL_CRUSH", "2"},
-                     {"PL_AVERAGE", "1"},
-                     {"PL_FALLBACK", "1"},
-                     {"PL_IRRADIANCE_FORMAT", "1"},
-                     {"PL_MOMENT_FORMAT", "1"},
-                     {"PL_STORE_IRRADIANCE", "0"}};
+  Defines defines = {
+      {"PL_FACING", "1"},          {"PL_TRILINEAR", "2"},       {"PL_VISIBILITY", "1"},
+      {"PL_CRUSH", "2"},           {"PL_AVERAGE", "1"},         {"PL_FALLBACK", "2"},
+      {"PL_MOVED", "1"},           {"PL_OFFSET_WEIGHTS", "1"},  {"PL_IRRADIANCE_FORMAT", "1"},
+      {"PL_MOMENT_FORMAT", "1"},   {"PL_MOMENT_ENCODING", "1"}, {"PL_BORDER", "0"},
+      {"PL_FEEDBACK", "1"},        {"PL_RADIANCE_CLAMP", "1"},  {"PL_STORE_DISTANCES", "1"},
+      {"PL_STORE_IRRADIANCE", "0"}};
   int binding = 0;
-  for (const char* input : {"FIELD", "PROBE_INDEX", "IRRADIANCE", "MOMENTS", "COUNTERS", "SURFACES",
-                            "RAYS", "RADIANCE"})
+  for (const char* input : {"FIELD", "COUNTERS", "RADIANCE", "DISTANCES"})
     defines.emplace_back(std::string("BIND_") + input, std::to_string(binding++));
   for (auto& [key, text] : defines)
     if (key == name) text = value;
@@ -32,7 +29,9 @@ Words compileResolve(const std::string& name, const std::string& value) {
 
 TEST(Specialisation, SwitchedOffPartsOfTheQueryLeaveNoCode) {
   const std::size_t full = compileResolve("", "").size();
-  for (const char* part : {"PL_FACING", "PL_VISIBILITY", "PL_CRUSH", "PL_FALLBACK"})
+  for (const char* part :
+       {"PL_FACING", "PL_VISIBILITY", "PL_CRUSH", "PL_FALLBACK", "PL_MOVED", "PL_OFFSET_WEIGHTS",
+        "PL_MOMENT_ENCODING", "PL_RADIANCE_CLAMP", "PL_STORE_DISTANCES"})
     EXPECT_LT(compileResolve(part, "0").size(), full) << part;
 }
 
@@ -43,6 +42,11 @@ Words compileShade(const SceneFeatures& features) {
                             "NORMALS", "UV0", "UV1", "TEXELS", "SKY", "SKY_IMAGE"})
     defines.emplace_back(std::string("BIND_") + input, std::to_string(binding++));
   return compileShader({"ddgi/shade.comp.glsl", defines, {}});
+}
+
+// Without feedback the query is not there at all: less than a fifth of the code is left.
+TEST(Specialisation, WithoutFeedbackThereIsNoQuery) {
+  EXPECT_LT(5 * compileResolve("PL_FEEDBACK", "0").size(), compileResolve("", "").size());
 }
 
 TEST(Specialisation, FeaturesThatASceneLacksLeaveNoCode) {

@@ -54,23 +54,71 @@ struct DistanceRule {
   float backface_shortening;  // factor on a back face's distance
 };
 
-// Scalars of an update that the blend stage needs.
-struct BlendConstants {
-  PL_UINT probe_count;     // of the batch
-  PL_UINT first_probe;     // of the batch, in the atlas
-  PL_UINT ray_count;       // rays a probe
-  float hysteresis;        // 0 for a first write
-  float accumulate;        // 1 / k for the k-th of an average, 0: no average
-  float encode_exponent;   // 1 / gamma
-  PL_UINT backface_skip;   // 1: rays that hit a back face are left out of the irradiance
-  PL_UINT store_average;   // 1: the atlas gets the running average, 0: this update
+#ifdef __cplusplus
+#define PL_ADDRESS(type) std::uint64_t
+#else
+#define PL_ADDRESS(type) type
+REFERENCE(readonly, WordArray, uint);
+REFERENCE(readonly, IntArray, int);
+REFERENCE(readonly, FloatArray, float);
+REFERENCE(readonly, Vec3Array, vec3);
+REFERENCE(readonly, Vec4Array, vec4);
+REFERENCE(writeonly, WordOutput, uint);
+REFERENCE(restrict, Vec3InOut, vec3);
+#endif
+
+// Where the copy of the field lies that a query reads.
+struct FieldAddresses {
+  PL_ADDRESS(WordArray) irradiance;
+  PL_ADDRESS(WordArray) moments;       // with visibility
+  PL_ADDRESS(IntArray) probe_index;    // [lattice point]: active probe or -1
+  PL_ADDRESS(IntArray) nearest_probe;  // [lattice point], with the nearest fallback
+  PL_ADDRESS(Vec3Array) positions;     // [probe], where probes are moved
 };
+
+// Where the rays of a batch lie: item = probe * stride_probe + ray * stride_ray.
+struct RayItems {
+  PL_UINT probe_count;  // of the batch
+  PL_UINT first_probe;  // of the batch: among all probes, or in the list of probes
+  PL_UINT stride_probe;
+  PL_UINT stride_ray;
+};
+
+// Scalars of an update that the blend stage needs. Change detection: params.h.
+struct BlendConstants {
+  float hysteresis;        // 0 for a first write
+  float accumulate;        // 1 / k for the k-th of an average, 1 restarts it
+  float gamma;
+  float backface_freeze;   // share of back faces above which the irradiance stays
+  float change_threshold;
+  float change_drop;
+  float reset_threshold;
+  float brightness_threshold;
+  float darkening_step;
+  PL_UINT store_average;   // 1: the atlas gets the running average, 0: this update
+  PL_UINT dither;          // differs from update to update
+  PL_UINT texels;          // interior texels a side
+};
+
+#define PL_CHANGE_NONE 0
+#define PL_CHANGE_RTXGI 1
+#define PL_CHANGE_M21 2
+
+#define PL_RAYS_BY_PROBE 0
+#define PL_RAYS_BY_DIRECTION 1
+
+#define PL_CLASSIFY_NONE 0
+#define PL_CLASSIFY_INSIDE 1        // by back faces
+#define PL_CLASSIFY_NEAR_SURFACE 2  // also inactive without a surface in the cells around
 
 // What went wrong, counted on the device.
 struct Counters {
   PL_UINT non_finite_rays;    // radiance that is NaN or Inf
   PL_UINT clamped_texels;     // beyond the format's largest number
-  PL_UINT fallback_queries;   // no probe answered
+  PL_UINT fallback_queries;   // the cell's probes gave no answer by their weights: the next three
+  PL_UINT unoccluded_answers;
+  PL_UINT nearest_answers;
+  PL_UINT empty_answers;      // irradiance 0
   PL_UINT tiny_weight_sums;   // sum of weights below kTinyWeightSum
 };
 
@@ -78,7 +126,7 @@ const float kTinyWeightSum = 1e-6f;
 
 #ifdef __cplusplus
 static_assert(sizeof(GpuMaterial) == 160 && sizeof(RaySurface) == 64 && sizeof(QueryPoint) == 36 &&
-              sizeof(BlendConstants) == 32);
+              sizeof(FieldAddresses) == 40 && sizeof(BlendConstants) == 48);
 #endif
 
 PL_NAMESPACE_END

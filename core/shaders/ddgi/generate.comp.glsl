@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The probes' rays: the same directions for all probes of an update. Ray r of the batch's probe p is
-// item p * ray_count + r.
+// The probes' rays: the same directions for all probes of an update.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "ddgi/stage.glsl"
@@ -9,19 +8,32 @@
 BUFFER(BIND_RAYS, writeonly, Rays, Ray rays[]);
 BUFFER(BIND_DIRECTIONS, readonly, Directions, vec3 directions[]);
 BUFFER(BIND_PROBES, readonly, Probes, vec3 probe_positions[]);
+#if PL_PROBE_LIST
+BUFFER(BIND_PROBE_LIST, readonly, ProbeList, uint probe_list[]);
+#endif
 
 layout(push_constant, scalar) uniform Push {
   uint item_count;
-  uint first_probe;
-  uint ray_count;
+  RayItems items;
 } push;
 
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
-  uint probe = i / push.ray_count;
-  rays[i].origin = probe_positions[push.first_probe + probe];
+  uint probe, ray;
+  if (push.items.stride_ray == 1u) {
+    probe = i / push.items.stride_probe;
+    ray = i - probe * push.items.stride_probe;
+  } else {
+    ray = i / push.items.stride_ray;
+    probe = i - ray * push.items.stride_ray;
+  }
+  probe += push.items.first_probe;
+#if PL_PROBE_LIST
+  probe = probe_list[probe];
+#endif
+  rays[i].origin = probe_positions[probe];
   rays[i].t_min = 0.0;
-  rays[i].direction = directions[i - probe * push.ray_count];
+  rays[i].direction = directions[ray];
   rays[i].t_max = kMissDistance;
 }

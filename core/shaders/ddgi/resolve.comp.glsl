@@ -4,42 +4,60 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "ddgi/stage.glsl"
+#include "ddgi/constants.h"
+
+REFERENCE(readonly, SurfaceArray, RaySurface);
+REFERENCE(readonly, RayArray, Ray);
+layout(push_constant, scalar) uniform Push {
+  uint item_count;
+  float radiance_clamp;
+  FieldAddresses field;
+  SurfaceArray surfaces;
+  RayArray rays;
+} push;
+
 #include "ddgi/field.glsl"
 
-BUFFER(BIND_SURFACES, readonly, Surfaces, RaySurface surfaces[]);
-BUFFER(BIND_RAYS, readonly, Rays, Ray rays[]);
 BUFFER(BIND_RADIANCE, writeonly, Radiance, vec4 radiance[]);  // rgb, signed distance in metres
 #if PL_STORE_DISTANCES
-BUFFER(BIND_DISTANCES, writeonly, Distances, vec2 distances[]);  // r and r^2 in units of r_i
+BUFFER(BIND_DISTANCES, writeonly, Distances, float distances[]);  // in units of r_i, clamped
 #endif
 BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
 #if PL_STORE_IRRADIANCE
 BUFFER(BIND_HIT_IRRADIANCE, writeonly, HitIrradiance, vec4 hit_irradiance[]);
 #endif
 
-layout(push_constant, scalar) uniform Push { uint item_count; } push;
-
 void main() {
+#if PL_FEEDBACK
+  QueryParams params = query_params;
+  LatticeShape shape = lattice;
+#endif
+#if PL_STORE_DISTANCES
+  DistanceRule rule = distance_rule;
+#endif
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
-  RaySurface surface = surfaces[i];
+  RaySurface surface = push.surfaces.at[i];
   vec3 outgoing = surface.radiance;
   vec3 irradiance = vec3(0.0);
+#if PL_FEEDBACK
   if (surface.hit != 0u && max(surface.albedo.x, max(surface.albedo.y, surface.albedo.z)) > 0.0) {
-    QueryResult result = queryLattice(query_params, kModes, lattice, surface.origin,
-                                      surface.normal, rays[i].direction);
-    if (result.fallback != 0) atomicAdd(counters.fallback_queries, 1u);
+    QueryResult result = queryLattice(params, kModes, shape, surface.origin, surface.normal,
+                                      push.rays.at[i].direction);
+    COUNT_ANSWER(counters, result.answer)
     irradiance = result.irradiance;
     outgoing += surface.albedo * irradiance * (1.0 / 3.14159265358979);
   }
+#endif
   if (any(isnan(outgoing)) || any(isinf(outgoing))) atomicAdd(counters.non_finite_rays, 1u);
+#if PL_RADIANCE_CLAMP
+  outgoing = min(outgoing, vec3(push.radiance_clamp));
+#endif
   radiance[i] = vec4(outgoing, surface.distance);
 #if PL_STORE_DISTANCES
-  float distance_m =
-      surface.distance < 0.0 ? -surface.distance * distance_rule.backface_shortening
-                             : surface.distance;
-  float r = min(distance_m * distance_rule.scale, distance_rule.clamp_at);
-  distances[i] = vec2(r, r * r);
+  float distance_m = surface.distance < 0.0 ? -surface.distance * rule.backface_shortening
+                                            : surface.distance;
+  distances[i] = min(distance_m * rule.scale, rule.clamp_at);
 #endif
 #if PL_STORE_IRRADIANCE
   hit_irradiance[i] = vec4(irradiance, float(surface.hit));

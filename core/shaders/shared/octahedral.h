@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Octahedral maps of the sphere, with a border of one texel (Cigolle et al., JCGT 3(2), 2014; the
-// border as in [M19]).
+// Octahedral maps of the sphere (Cigolle et al., JCGT 3(2), 2014), with a border of one texel as in
+// [M19] or without.
 #ifndef PROBELAB_SHARED_OCTAHEDRAL_H
 #define PROBELAB_SHARED_OCTAHEDRAL_H
 
@@ -33,25 +33,47 @@ PL_FUNCTION VEC3 texelDirection(REAL x, REAL y, REAL n) {
                         (y + REAL(0.5)) / n * REAL(2) - REAL(1)));
 }
 
-// The four texels that a bilinear reading in direction d uses, in a map with n x n interior texels:
-// (x, y) to (x + 1, y + 1) counted with the border, so all within [0, n + 1].
+// Place in an atlas tile of the texel (x, y) of a map with n x n interior texels, x and y from -1 to
+// n. With a border of one texel the tile holds them all. Without one they are taken from where the
+// map continues: across an edge the texel mirrored along that edge, across a corner the opposite
+// corner.
+PL_INLINE int tileTexel(int x, int y, int n, int border) {
+  if (border != 0) return (y + 1) * (n + 2) + x + 1;
+  int cx = clamp(x, 0, n - 1);
+  int wy = x == cx ? y : n - 1 - y;
+  int cy = clamp(wy, 0, n - 1);
+  int wx = wy == cy ? cx : n - 1 - cx;
+  return cy * n + wx;
+}
+
+// The four texels that a bilinear reading at a point of the map uses, as places in the tile: (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1).
 PL_STRUCT OctTaps {
-  int x;
-  int y;
+  int texel_00;
+  int texel_10;
+  int texel_01;
+  int texel_11;
   REAL fraction_x;
   REAL fraction_y;
 };
 
-PL_FUNCTION OctTaps PL_OF_T octTaps(VEC3 d, int n) {
-  VEC2 e = octEncode(d);
-  REAL u = (e.x * REAL(0.5) + REAL(0.5)) * REAL(n) + REAL(0.5);
-  REAL v = (e.y * REAL(0.5) + REAL(0.5)) * REAL(n) + REAL(0.5);
+PL_FUNCTION OctTaps PL_OF_T mapTaps(VEC2 e, int n, int border) {
+  REAL u = (e.x * REAL(0.5) + REAL(0.5)) * REAL(n) - REAL(0.5);
+  REAL v = (e.y * REAL(0.5) + REAL(0.5)) * REAL(n) - REAL(0.5);
+  int x = min(floorToInt(u), n - 1);
+  int y = min(floorToInt(v), n - 1);
   OctTaps PL_OF_T taps;
-  taps.x = min(floorToInt(u), n);
-  taps.y = min(floorToInt(v), n);
-  taps.fraction_x = u - REAL(taps.x);
-  taps.fraction_y = v - REAL(taps.y);
+  taps.texel_00 = tileTexel(x, y, n, border);
+  taps.texel_10 = tileTexel(x + 1, y, n, border);
+  taps.texel_01 = tileTexel(x, y + 1, n, border);
+  taps.texel_11 = tileTexel(x + 1, y + 1, n, border);
+  taps.fraction_x = u - REAL(x);
+  taps.fraction_y = v - REAL(y);
   return taps;
+}
+
+// The same in direction d (any positive length).
+PL_FUNCTION OctTaps PL_OF_T octTaps(VEC3 d, int n, int border) {
+  return mapTaps(octEncode(d), n, border);
 }
 
 PL_NAMESPACE_END

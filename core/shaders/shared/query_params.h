@@ -40,6 +40,16 @@ PL_STRUCT QueryParams {
 
 #define PL_FALLBACK_NONE 0
 #define PL_FALLBACK_LERP_UNOCCLUDED 1  // towards the result without visibility [GDC19]
+#define PL_FALLBACK_NEAREST 2  // the cell without visibility, else the nearest active probe
+
+#define PL_MOMENTS_RAW 0      // mean and mean square [M19]
+#define PL_MOMENTS_CENTRAL 1  // mean and standard deviation
+
+// Which probes gave a query's answer.
+#define PL_ANSWER_WEIGHED 0    // those of the cell, by their weights
+#define PL_ANSWER_NONE 1       // none: the irradiance is 0
+#define PL_ANSWER_UNOCCLUDED 2 // all weights were 0: those of the cell without visibility
+#define PL_ANSWER_NEAREST 3    // the cell has no active probe: the nearest one
 
 struct QueryModes {
   int facing;
@@ -48,6 +58,8 @@ struct QueryModes {
   int crush;
   int average;
   int fallback;
+  int moved;  // 1: probes are not on the lattice's points, positions are fetched
+  int offset_weights;  // 1: interpolation weights peak at the moved positions
 };
 
 // The lattice and the atlases' sizes. Positions in metres relative to Scene::origin.
@@ -63,12 +75,13 @@ struct LatticeShape {
   int count_z;
   int irradiance_texels;  // interior texels a side
   int moment_texels;
+  int border;  // texels around the interior as stored, 0 or 1
 };
 
 PL_STRUCT QueryResult {
   VEC3 irradiance;
   REAL weight_sum;
-  int fallback;  // 1: no probe answered (the irradiance is 0)
+  int answer;  // PL_ANSWER_*
 };
 
 PL_NAMESPACE_END

@@ -66,7 +66,7 @@ TEST(Params, ErrorsNameFileLineAndNearestKey) {
       messageOf([&] { loadParams(path.string()); }).find("bad.toml:2: rays is -3; it takes 1"),
       std::string::npos);
   writeTextFile(path, "rays = 3\n");
-  EXPECT_NE(messageOf([&] { loadParams(path.string()); }).find("no value for hysteresis"),
+  EXPECT_NE(messageOf([&] { loadParams(path.string()); }).find("no value for ray_order"),
             std::string::npos);
   writeTextFile(path, "rays = = 3\n");
   EXPECT_NE(messageOf([&] { loadParams(path.string()); }).find("bad.toml:1"), std::string::npos);

@@ -33,23 +33,52 @@ TEST(Octahedral, DecodeInvertsEncode) {
     EXPECT_LT(length(octDecode(octEncode(axis)) - axis), 1e-12);
 }
 
-TEST(Octahedral, TapsStayWithinTheBorderAndWeighToTheDirection) {
+TEST(Octahedral, TapsStayWithinTheTileAndWeighToTheDirection) {
   Rng rng(2, RngStream::test);
-  for (const int n : {1, 4, 6, 14}) {
-    for (int i = 0; i < 5000; ++i) {
-      const OctTaps<double> taps = octTaps(randomUnit(rng), n);
-      EXPECT_GE(taps.x, 0);
-      EXPECT_LE(taps.x + 1, n + 1);
-      EXPECT_GE(taps.y, 0);
-      EXPECT_LE(taps.y + 1, n + 1);
-      EXPECT_GE(taps.fraction_x, 0);
-      EXPECT_LE(taps.fraction_x, 1);
+  for (const int border : {0, 1})
+    for (const int n : {1, 2, 4, 6, 14}) {
+      const int texels = (n + 2 * border) * (n + 2 * border);
+      for (int i = 0; i < 5000; ++i) {
+        const OctTaps<double> taps = octTaps(randomUnit(rng), n, border);
+        for (const int t : {taps.texel_00, taps.texel_10, taps.texel_01, taps.texel_11}) {
+          EXPECT_GE(t, 0);
+          EXPECT_LT(t, texels);
+        }
+        for (const double f : {taps.fraction_x, taps.fraction_y}) {
+          EXPECT_GE(f, 0);
+          EXPECT_LE(f, 1);
+        }
+      }
+      // A texel's own direction reads that texel alone.
+      for (int i = 0; i < n * n; ++i) {
+        const OctTaps<double> t = octTaps(texelDirection<double>(i % n, i / n, n), n, border);
+        const int own = tileTexel(i % n, i / n, n, border);
+        const double wx[2] = {1 - t.fraction_x, t.fraction_x};
+        const double wy[2] = {1 - t.fraction_y, t.fraction_y};
+        double weight = 0;
+        if (t.texel_00 == own) weight += wx[0] * wy[0];
+        if (t.texel_10 == own) weight += wx[1] * wy[0];
+        if (t.texel_01 == own) weight += wx[0] * wy[1];
+        if (t.texel_11 == own) weight += wx[1] * wy[1];
+        EXPECT_NEAR(weight, 1, 1e-12) << n << " texel " << i;
+      }
     }
-    // A texel's own direction reads that texel alone.
-    const OctTaps<double> taps = octTaps(texelDirection(0.0, 0.0, static_cast<double>(n)), n);
-    EXPECT_NEAR(taps.x + taps.fraction_x, 1, 1e-12);
-    EXPECT_NEAR(taps.y + taps.fraction_y, 1, 1e-12);
-  }
+}
+
+// Without a border, a tap beyond the edge is the texel whose direction is nearest to where the map
+// goes on: the direction half a texel outside equals that of the texel itself.
+TEST(Octahedral, TilesWithoutBorderWrapToTheNeighbourOnTheSphere) {
+  for (const int n : {2, 5, 12})
+    for (int i = -1; i <= n; ++i)
+      for (const Vec3i at : {Vec3i(i, -1, 0), Vec3i(i, n, 0), Vec3i(-1, i, 0), Vec3i(n, i, 0)}) {
+        const int texel = tileTexel(at.x, at.y, n, 0);
+        // Fold the map point by hand: over an edge x -> 2 - x with y -> -y.
+        Vec2d p((at.x + 0.5) / n * 2 - 1, (at.y + 0.5) / n * 2 - 1);
+        if (std::abs(p.x) > 1) p = {std::copysign(2, p.x) - p.x, -p.y};
+        if (std::abs(p.y) > 1) p = {-p.x, std::copysign(2, p.y) - p.y};
+        const Vec3d d = texelDirection<double>(texel % n, texel / n, n);
+        EXPECT_NEAR(length(d - octDecode(p)), 0, 1e-12) << n << " at " << at.x << ", " << at.y;
+      }
 }
 
 // All values of a small float by its definition.
@@ -71,36 +100,36 @@ TEST_P(SmallFloat, EveryValueSurvivesAndOthersGoToTheNearestEven) {
   for (uint i = 0; i < values.size(); ++i) {
     const auto value = static_cast<float>(values[i]);
     ASSERT_EQ(unpackSmallFloat(i, bits), value);
-    ASSERT_EQ(packSmallFloat(value, bits), i);
+    ASSERT_EQ(packSmallFloat(value, bits, kRoundToNearest), i);
     if (i + 1 == values.size()) break;
     const double middle = 0.5 * (values[i] + values[i + 1]);
     const auto exact_middle = static_cast<float>(middle);
-    ASSERT_EQ(packSmallFloat(exact_middle, bits), i % 2 == 0 ? i : i + 1);
-    ASSERT_EQ(packSmallFloat(std::nextafter(exact_middle, 0.0f), bits), i);
-    ASSERT_EQ(packSmallFloat(std::nextafter(exact_middle, 1e9f), bits), i + 1);
+    ASSERT_EQ(packSmallFloat(exact_middle, bits, kRoundToNearest), i % 2 == 0 ? i : i + 1);
+    ASSERT_EQ(packSmallFloat(std::nextafter(exact_middle, 0.0f), bits, kRoundToNearest), i);
+    ASSERT_EQ(packSmallFloat(std::nextafter(exact_middle, 1e9f), bits, kRoundToNearest), i + 1);
   }
   const auto largest = static_cast<uint>(values.size() - 1);
-  EXPECT_EQ(packSmallFloat(1e9f, bits), largest);
-  EXPECT_EQ(packSmallFloat(std::numeric_limits<float>::infinity(), bits), largest);
+  EXPECT_EQ(packSmallFloat(1e9f, bits, kRoundToNearest), largest);
+  EXPECT_EQ(packSmallFloat(std::numeric_limits<float>::infinity(), bits, kRoundToNearest), largest);
 }
 
 INSTANTIATE_TEST_SUITE_P(MantissaBits, SmallFloat, ::testing::Values(10u, 6u, 5u));
 
 TEST(AtlasFormat, HalvesKeepTheirSign) {
-  EXPECT_EQ(unpackHalfFloat(packHalfFloat(-1.5f)), -1.5f);
-  EXPECT_EQ(unpackHalfFloat(packHalfFloat(-70000.0f)), -65504.0f);
+  EXPECT_EQ(unpackHalfFloat(packHalfFloat(-1.5f, kRoundToNearest)), -1.5f);
+  EXPECT_EQ(unpackHalfFloat(packHalfFloat(-70000.0f, kRoundToNearest)), -65504.0f);
 }
 
 TEST(AtlasFormat, UnsignedFormatsCutNegativeValues) {
-  EXPECT_EQ(unpackR11G11B10(packR11G11B10(Vec3f(-1, 2, -0.0f))), Vec3f(0, 2, 0));
-  EXPECT_EQ(unpackRgb10A2(packRgb10A2(Vec3f(-1, 2, 0))), Vec3f(0, 1, 0));
+  EXPECT_EQ(unpackR11G11B10(packR11G11B10(Vec3f(-1, 2, -0.0f), kRoundToNearest)), Vec3f(0, 2, 0));
+  EXPECT_EQ(unpackRgb10A2(packRgb10A2(Vec3f(-1, 2, 0), kRoundToNearest)), Vec3f(0, 1, 0));
 }
 
 TEST(AtlasFormat, TenBitsRoundToTheNearestStep) {
   for (uint i = 0; i < 1024; ++i) {
     const float value = static_cast<float>(i) / 1023;
-    EXPECT_EQ(packUnorm10(value), i);
-    EXPECT_EQ(packUnorm10(value + 0.4f / 1023), i);
+    EXPECT_EQ(packUnorm10(value, kRoundToNearest), i);
+    EXPECT_EQ(packUnorm10(value + 0.4f / 1023, kRoundToNearest), i);
   }
 }
 

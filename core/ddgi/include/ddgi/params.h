@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything about a field that can be tuned. params.cpp holds the one table of keys with units,
-// ranges and advice; presets are TOML files under core/ddgi/presets, built into the library.
+// Everything about a field that can be tuned. param_keys.cpp holds the one table of keys with
+// units, ranges and advice; presets are TOML files under core/ddgi/presets, built into the library.
 #pragma once
 
 #include <cstdint>
@@ -16,16 +16,34 @@ namespace probelab {
 
 struct Params {
   std::string name;  // the preset's or the file's, then " key=value" for every later change
-  // Update.
+  // Rays.
   int rays = 0;  // a probe and update
-  double hysteresis = 0;
-  int irradiance_texels = 0, moment_texels = 0;  // a side, with the border
-  int irradiance_format = 0, moment_format = 0;  // PL_FORMAT_*
+  int ray_order = 0, feedback = 0;
+  double radiance_clamp = 0, texture_footprint = 0;
+  double flat_ray_share = 0, flat_contrast = 0, flat_brightness = 0;
+  // Irradiance texels.
+  int irradiance_texels = 0, irradiance_format = 0;  // a side, with the border; PL_FORMAT_*
   double encoding_gamma = 0;
+  int irradiance_fit = 0, backface_skip = 0;
+  double backface_freeze = 0;
+  // Moment texels.
+  int moment_texels = 0, moment_format = 0, moment_encoding = 0;
   double distance_exponent = 0;
   double distance_clamp = 0;       // x r_i
   double backface_shortening = 0;  // factor on the distance of a back face
-  int backface_skip = 0;
+  // Both atlases.
+  int border = 0, rounding = 0;
+  // Hysteresis.
+  double hysteresis = 0;
+  int hysteresis_space = 0, change_detector = 0;
+  double change_threshold = 0, change_drop = 0, reset_threshold = 0;
+  double brightness_threshold = 0, darkening_step = 0;
+  double variability_threshold = 0;
+  // Probe states.
+  int relocation = 0, relocation_iterations = 0;
+  double relocation_limit = 0, relocation_front = 0;
+  int classification = 0, fixed_rays = 0, offset_weights = 0;
+  double backface_threshold = 0;
   // Query.
   int visibility = 0, facing = 0, trilinear = 0, crush = 0, average = 0, fallback = 0;
   double normal_bias = 0, view_bias = 0;  // x s_i
@@ -65,6 +83,14 @@ QueryParams<T> convertQueryParams(const QueryParams<double>& p) {
           T(p.chebyshev_power), T(p.visibility_floor), T(p.variance_bias), T(p.variance_floor),
           T(p.crush_threshold), T(p.decode_exponent)};
 }
+
+// Interior texels a side of the two atlases, and the sides as stored.
+struct AtlasSides {
+  int irradiance = 0, moments = 0;
+  int border = 0;  // texels around the interior
+  int stored(int interior) const { return interior + 2 * border; }
+};
+AtlasSides atlasSides(const Params& params);
 
 // Bytes of atlas texels a probe owns, borders included.
 uint64_t atlasBytesPerProbe(const Params& params);

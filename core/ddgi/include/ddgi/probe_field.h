@@ -6,16 +6,19 @@
 // the size of a batch changes no byte.
 #pragma once
 
-#include <array>
 #include <functional>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "ddgi/blend_stage.h"
 #include "ddgi/constants.h"
 #include "ddgi/layout.h"
 #include "ddgi/params.h"
+#include "ddgi/probe_atlas.h"
+#include "ddgi/probe_states.h"
 #include "ddgi/ray_batch.h"
 
 namespace probelab {
@@ -34,16 +37,19 @@ struct WorkCounts {
   uint64_t resolve_taps = 0;  // texel fetches of all bounce queries, at most
 };
 
-// What one update does with its result. An average of k updates gives weight 1 / k to this one.
-struct BlendMode {
-  float hysteresis = 0;     // share of the previous texel
-  uint32_t average_of = 1;  // k: position in a running average, 1 restarts it
-  bool store_average = false;
+// What a stage needs to query the field: defines, buffers bound by name, addresses in its push
+// constants (valid until the next update).
+struct FieldAccess {
+  Defines defines;
+  std::vector<StageInput> inputs;
+  FieldAddresses addresses;
 };
 
 class ProbeField {
  public:
-  // `scene` may be dropped afterwards; context and embree must outlive the field.
+  // Relocates and classifies the probes first, as the parameters say. `scene` may be dropped
+  // afterwards; context and embree must outlive the field. Throws InputError when no probe is left
+  // active.
   ProbeField(GpuContext& context, const Scene& scene, const EmbreeScene& embree,
              const ProbeLayout& layout, const Params& params, const FieldSettings& options);
 
@@ -55,71 +61,80 @@ class ProbeField {
   void update(uint64_t rotation, const BlendMode& irradiance, const BlendMode& moments);
 
   // The field at points (local coordinates): rgb irradiance, and in w the sum of weights or -1
-  // where no probe answered (counted in counters()).
+  // where the probes' weights gave no answer (counted in counters()).
   std::vector<Vec4f> query(std::span<const QueryPoint> points);
   // Milliseconds on the device of one query of `points` (1 to 2^20), `repeats` times after a
   // warm-up.
   std::vector<double> timeQuery(std::span<const QueryPoint> points, int repeats);
 
-  // Camera or other rays: outgoing radiance (rgb) with the signed distance in w, and the field's
-  // irradiance at the hit with 1 in w where something reflects. Same lengths as `rays`.
-  struct RayResults {
-    std::vector<Vec4f> radiance, irradiance;
-  };
-  RayResults shadeRays(std::span<const Ray> rays);
-
-  // Stored texels decoded to floats, borders included: encoded irradiance
-  // [probe][texel_y][texel_x] and moments in units of r_i (empty without visibility).
+  // Stored texels decoded to floats, [probe][y][x] with the border if there is one: encoded
+  // irradiance, and mean and mean square of the distance in units of r_i (empty without
+  // visibility).
   std::vector<Vec3f> irradianceTexels();
   std::vector<Vec2f> momentTexels();
 
+  // Mean over active probes and texels of the last update's coefficient of variation of the stored
+  // values (shaders/ddgi/probe_stats.comp.glsl); 1 before the first update. Kept where the
+  // parameters use it.
+  double variability() const { return variability_; }
+
   Counters counters() const { return counters_; }  // since construction
   const ProbeLayout& layout() const { return layout_; }
+  const ProbeStates& states() const { return states_; }
   const Params& params() const { return params_; }
   const FieldSettings& options() const { return options_; }
   const std::string& tracerName() const { return batch_.tracerName(); }
-  WorkCounts workOfUpdate() const;
-  uint64_t atlasBytes() const;  // one copy of both atlases
+  WorkCounts workOfUpdate() const;  // of the last update, or the first to come
+  uint64_t atlasBytes() const;      // one copy of both atlases
+  uint64_t stateBytes() const;      // offsets and index
   uint32_t probeCount() const { return static_cast<uint32_t>(layout_.positions.size()); }
 
-  // Milliseconds by stage of the last update, and its wall time.
+  // Milliseconds by stage of the last update, and its wall time; the same of relocation and
+  // classification.
   const std::map<std::string, double>& updateStages() const { return update_stages_; }
   double updateWallMs() const { return update_wall_ms_; }
+  const std::map<std::string, double>& stateStages() const { return state_stages_; }
+
+  FieldAccess access() const;
+  void readCounters();  // after stages that others ran
 
  private:
-  struct Atlas {
-    std::array<GpuBuffer, 2> copies;
-    GpuBuffer average, weights;
-    std::array<Stage, 2> blend;  // [copy that is written]
-    Stage make_weights;
+  // Directions that some of the probes share, with the stages that are bound to them.
+  struct RaySet {
+    int rays = 0;
+    GpuBuffer directions;
+    Stage generate;
+    std::unique_ptr<BlendStage> irradiance, moments;
   };
 
-  void createAtlas(GpuContext& context, Atlas& atlas, bool is_irradiance);
+  void createStates(GpuContext& context);
+  std::unique_ptr<RaySet> createRaySet(GpuContext& context, int rays);
   void createFieldStages(GpuContext& context);
-  void updateBatch(uint32_t first_probe, uint32_t probe_count, const BlendMode& irradiance,
-                   const BlendMode& moments);
-  void blendAtlas(const Atlas& atlas, const BlendMode& mode, uint32_t first_probe,
-                  uint32_t probe_count, bool is_irradiance);
-  void readCounters();
-  // Runs `body` with the query stage bound to these points, and the buffer that it fills.
-  void withQuery(std::span<const QueryPoint> points,
-                 const std::function<void(const Stage&, const GpuBuffer&)>& body);
-  template <class T>
-  std::vector<T> downloadTexels(const Atlas& atlas, int side, uint32_t words,
-                                T (*unpack)(int, const uint32_t*), int format);
+  void setDirections(RaySet& set, uint64_t rotation);
+  void updateProbes(const RaySet& set, uint32_t first, uint32_t count, const BlendMode& irradiance,
+                    const BlendMode& moments);
+  void measureProbes();
+  bool usesProbeList() const;
 
   GpuContext& context_;
   ProbeLayout layout_;
   Params params_;
   FieldSettings options_;
-  uint32_t probes_per_batch_;
+  uint32_t rays_per_batch_;
   RayBatch batch_;
   StageRecorder recorder_;
-  GpuBuffer field_constants_, probe_index_, probe_positions_, directions_, counter_buffer_;
-  Atlas irradiance_, moments_;
+  ProbeStates states_;
+  bool moved_ = false;
+  std::map<std::string, double> state_stages_;
+  GpuBuffer field_constants_, probe_index_, nearest_probe_, probe_positions_, probe_list_;
+  GpuBuffer counter_buffer_, stats_buffer_;
+  ProbeAtlas irradiance_, moments_;
   int current_ = 0;  // copy of the atlases that holds the field
-  Stage generate_;
-  std::array<Stage, 2> resolve_, resolve_with_irradiance_, query_;  // [copy read]
+  std::unique_ptr<RaySet> full_, reduced_;
+  uint32_t full_count_ = 0, reduced_count_ = 0;  // probes of each set, in probe_list_'s order
+  Stage resolve_, query_, stats_;
+  uint64_t updates_ = 0;
+  double variability_ = 1;
   Counters counters_{};
   std::map<std::string, double> update_stages_;
   double update_wall_ms_ = 0;

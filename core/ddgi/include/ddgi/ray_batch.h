@@ -58,6 +58,9 @@ class RayBatch {
   // rays see the base level, as in the reference. Without a footprint both details are the base
   // level.
   void trace(StageRecorder& recorder, uint32_t count, TextureDetail detail = TextureDetail::base);
+  // The same without direct light.
+  void traceSurfaces(StageRecorder& recorder, uint32_t count,
+                     TextureDetail detail = TextureDetail::base);
 
   const RayBuffers& buffers() const { return buffers_; }
   const SceneBuffers& scene() const { return scene_; }

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "ddgi/probe_field.h"
+#include "ddgi/field_camera.h"
 #include "scene/scene.h"
 
 namespace probelab {
@@ -19,7 +19,7 @@ struct FieldImage {
 
 // `spp` jittered samples a pixel, a function of (seed, pixel, sample). Throws NumericalError naming
 // the pixel where a value is not finite, InputError unless 1 <= width, height <= 16384.
-FieldImage renderField(ProbeField& field, const Camera& camera, int width, int height, int spp,
+FieldImage renderField(FieldCamera& view, const Camera& camera, int width, int height, int spp,
                        uint64_t seed, const std::function<void(double)>& progress = {});
 
 // Draws probes as shaded balls over an image: where `depth` lets them be seen, coloured by the

@@ -15,26 +15,29 @@ struct FieldSnapshot {
   LatticeShape lattice{};
   QueryModes modes{};
   QueryParams<double> params;
-  std::vector<int> probe_of_point;
+  std::vector<int> probe_of_point, nearest_probe;  // [lattice point], active probes; -1: none
+  std::vector<Vec3f> positions;                    // [probe]
   std::vector<Vec3f> irradiance;
   std::vector<Vec2f> moments;
 
   int fetchProbe(int lattice_index) const {
     return probe_of_point[static_cast<std::size_t>(lattice_index)];
   }
-  const Vec3f& fetchIrradiance(int probe, int x, int y) const {
-    return irradiance[texelIndex(probe, x, y, lattice.irradiance_texels + 2)];
+  int fetchNearest(int lattice_index) const {
+    return nearest_probe[static_cast<std::size_t>(lattice_index)];
   }
-  const Vec2f& fetchMoments(int probe, int x, int y) const {
-    return moments[texelIndex(probe, x, y, lattice.moment_texels + 2)];
+  const Vec3f& fetchPosition(int probe) const { return positions[static_cast<std::size_t>(probe)]; }
+  const Vec3f& fetchIrradiance(int probe, int texel) const {
+    return irradiance[texelIndex(probe, texel, lattice.irradiance_texels)];
+  }
+  const Vec2f& fetchMoments(int probe, int texel) const {
+    return moments[texelIndex(probe, texel, lattice.moment_texels)];
   }
 
  private:
-  static std::size_t texelIndex(int probe, int x, int y, int side) {
-    return (static_cast<std::size_t>(probe) * static_cast<std::size_t>(side) +
-            static_cast<std::size_t>(y)) *
-               static_cast<std::size_t>(side) +
-           static_cast<std::size_t>(x);
+  std::size_t texelIndex(int probe, int texel, int interior) const {
+    const auto side = static_cast<std::size_t>(interior + 2 * lattice.border);
+    return static_cast<std::size_t>(probe) * side * side + static_cast<std::size_t>(texel);
   }
 };
 

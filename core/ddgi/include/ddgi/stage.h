@@ -55,8 +55,9 @@ class StageRecorder {
     runGroups(name, stage, push, groupCount(items, kStageGroupSize));
   }
   template <class Push>
-  void runGroups(const std::string& name, const Stage& stage, const Push& push, uint32_t groups) {
-    dispatch(name, stage, pushBytes(push), groups);
+  void runGroups(const std::string& name, const Stage& stage, const Push& push, uint32_t groups_x,
+                 uint32_t groups_y = 1) {
+    dispatch(name, stage, pushBytes(push), groups_x, groups_y);
   }
   void onHost(const std::string& name, const std::function<void()>& work);
   // Submits what was recorded and waits for it.
@@ -68,7 +69,7 @@ class StageRecorder {
 
  private:
   void dispatch(const std::string& name, const Stage& stage, std::span<const std::byte> push,
-                uint32_t groups);
+                uint32_t groups_x, uint32_t groups_y);
 
   Commands commands_;
   bool recording_ = false;

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "shared/atlas_format.h"
+#include "shared/query_params.h"
 
 namespace probelab {
 
@@ -23,9 +24,12 @@ inline Vec3f unpackIrradiance(int format, const uint32_t* words) {
   }
 }
 
-inline Vec2f unpackMoments(int format, const uint32_t* words) {
-  if (format == PL_FORMAT_RG32F) return {uintBitsToFloat(words[0]), uintBitsToFloat(words[1])};
-  return {unpackHalfFloat(words[0] & 0xffffu), unpackHalfFloat(words[0] >> 16)};
+// Mean and mean square of the distance; `encoding` is PL_MOMENTS_*.
+inline Vec2f unpackMoments(int format, int encoding, const uint32_t* words) {
+  Vec2f stored(unpackHalfFloat(words[0] & 0xffffu), unpackHalfFloat(words[0] >> 16));
+  if (format == PL_FORMAT_RG32F) stored = {uintBitsToFloat(words[0]), uintBitsToFloat(words[1])};
+  if (encoding == PL_MOMENTS_RAW) return stored;
+  return {stored.x, stored.x * stored.x + stored.y * stored.y};
 }
 
 }  // namespace probelab

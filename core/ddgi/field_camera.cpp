@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ddgi/field_camera.h"
+
+#include <algorithm>
+
+#include "resolve_push.h"
+
+namespace probelab {
+namespace {
+
+constexpr uint32_t kRaysAtOnce = 1u << 17;
+
+}  // namespace
+
+FieldCamera::FieldCamera(GpuContext& context, ProbeField& field, const Scene& scene,
+                         const EmbreeScene& embree)
+    : context_(context),
+      field_(field),
+      batch_(context, scene, embree, field.options().tracer, kRaysAtOnce),
+      recorder_(context) {
+  const FieldAccess access = field.access();
+  Defines defines = access.defines;
+  defines.insert(defines.end(), {{"PL_STORE_IRRADIANCE", "1"},
+                                 {"PL_STORE_DISTANCES", "0"},
+                                 {"PL_FEEDBACK", "1"},
+                                 {"PL_RADIANCE_CLAMP", "0"}});
+  std::vector<StageInput> inputs = access.inputs;
+  inputs.push_back({"RADIANCE", &batch_.buffers().radiance});
+  inputs.push_back({"HIT_IRRADIANCE", &batch_.buffers().hit_irradiance});
+  resolve_ = makeStage(context, "ddgi/resolve.comp.glsl", defines, inputs, sizeof(ResolvePush));
+}
+
+ShadedRays FieldCamera::shade(std::span<const Ray> rays) {
+  ShadedRays shaded{std::vector<Vec4f>(rays.size()), std::vector<Vec4f>(rays.size())};
+  const RayBuffers& buffers = batch_.buffers();
+  for (std::size_t first = 0; first < rays.size(); first += kRaysAtOnce) {
+    const auto part = rays.subspan(first, std::min<std::size_t>(kRaysAtOnce, rays.size() - first));
+    const auto count = static_cast<uint32_t>(part.size());
+    batch_.uploadRays(part);
+    batch_.trace(recorder_, count);
+    recorder_.run("resolve", resolve_,
+                  ResolvePush{count, 0, field_.access().addresses, buffers.surfaces.address(),
+                              buffers.rays.address()},
+                  count);
+    recorder_.flush();
+    const auto fetch = [&](const GpuBuffer& buffer, std::vector<Vec4f>& target) {
+      download(context_, buffer,
+               std::as_writable_bytes(std::span<Vec4f>(target).subspan(first, part.size())));
+    };
+    fetch(buffers.radiance, shaded.radiance);
+    fetch(buffers.hit_irradiance, shaded.irradiance);
+  }
+  field_.readCounters();
+  return shaded;
+}
+
+}  // namespace probelab

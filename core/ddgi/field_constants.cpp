@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ddgi/field_constants.h"
+
+#include "ddgi/probe_atlas.h"
+
+namespace probelab {
+namespace {
+
+struct FieldConstants {
+  LatticeShape lattice;
+  QueryParams<float> query;
+  DistanceRule distance;
+};
+
+}  // namespace
+
+GpuBuffer uploadFieldConstants(GpuContext& context, const ProbeLayout& layout,
+                               const Params& params) {
+  const FieldConstants constants{
+      latticeShape(layout, params),
+      convertQueryParams<float>(queryParams(params)),
+      {1.0f / layout.support_radius_m, static_cast<float>(params.distance_clamp),
+       static_cast<float>(params.backface_shortening)}};
+  return createBufferFrom(context, std::span<const FieldConstants>(&constants, 1),
+                          MemoryUse::device, "field constants");
+}
+
+Defines fieldDefines(const Params& params, bool moved) {
+  const QueryModes modes = queryModes(params);
+  Defines defines = atlasDefines(params);
+  const auto add = [&](const char* name, int value) {
+    defines.emplace_back(name, std::to_string(value));
+  };
+  add("PL_FACING", modes.facing);
+  add("PL_TRILINEAR", modes.trilinear);
+  add("PL_VISIBILITY", modes.visibility);
+  add("PL_CRUSH", modes.crush);
+  add("PL_AVERAGE", modes.average);
+  add("PL_FALLBACK", modes.fallback);
+  add("PL_MOVED", moved ? 1 : 0);
+  add("PL_OFFSET_WEIGHTS", modes.offset_weights);
+  return defines;
+}
+
+}  // namespace probelab
