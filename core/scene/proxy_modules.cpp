@@ -36,6 +36,7 @@ void ProxyAttributes::setUp(const Geometry& geometry, const DecimateSettings& se
   corners_ = std::move(corners);
   vertices_ = std::move(vertices);
   samples_.assign(corners_.size(), {});
+  hints_.assign(corners_.size(), 0);
   has_attributes_ = !geometry.normals.empty() || settings.uv0 || settings.uv1;
 }
 
@@ -140,7 +141,7 @@ bool ProxyAttributes::samplesHold(const std::vector<MovedFace>& moved,
 // (what lies between is measured when all is done). In a plane a fan that turns no face over covers
 // what it replaces, so nothing has to be asked there.
 bool ProxyAttributes::staysNear(const ProxyCollapse& collapse,
-                                const std::vector<MovedFace>& moved) const {
+                                const std::vector<MovedFace>& moved) {
   const double bound_m = settings_.max_error_m + slack_m_;
   const TrianglePoints& first = moved.front().points;
   const Vec3d normal = normalize(cross(first[1] - first[0], first[2] - first[0]));
@@ -154,8 +155,9 @@ bool ProxyAttributes::staysNear(const ProxyCollapse& collapse,
   return std::all_of(moved.begin(), moved.end(), [&](const MovedFace& m) {
     const auto& [a, b, c] = m.points;
     const Vec3d edge_middle = (m.points[m.slot] + m.points[(m.slot + 1) % 3]) * 0.5;
-    return settings_.original->within((a + b + c) / 3.0, bound_m) &&
-           settings_.original->within(edge_middle, bound_m);
+    uint32_t& hint = hints_[static_cast<std::size_t>(m.face)];
+    return settings_.original->within((a + b + c) / 3.0, bound_m, hint) &&
+           settings_.original->within(edge_middle, bound_m, hint);
   });
 }
 

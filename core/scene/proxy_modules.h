@@ -82,7 +82,7 @@ class ProxyAttributes : public OpenMesh::Decimater::ModBaseT<ProxyMesh> {
   uint32_t cornerAt(int face, int vertex) const;
   // Metres by which the face misses the vertex and its attributes; infinite when beyond the bounds.
   double miss(const MovedFace& moved, uint32_t vertex) const;
-  bool staysNear(const ProxyCollapse& collapse, const std::vector<MovedFace>& moved) const;
+  bool staysNear(const ProxyCollapse& collapse, const std::vector<MovedFace>& moved);
   bool samplesHold(const std::vector<MovedFace>& moved, const std::vector<uint32_t>& samples) const;
   bool normalHolds(const MovedFace& moved, const Vec2d& weights, uint32_t vertex) const;
   double textureMiss(const MovedFace& moved, const Vec2d& weights, uint32_t vertex,
@@ -94,6 +94,7 @@ class ProxyAttributes : public OpenMesh::Decimater::ModBaseT<ProxyMesh> {
   bool has_attributes_ = false;
   std::vector<Corners> corners_;                // [face][slot] the geometry's vertex
   std::vector<std::array<int, 3>> vertices_;    // [face][slot] the mesh's vertex
+  std::vector<uint32_t> hints_;                 // [face] for TriangleDistance::within
   std::vector<std::vector<uint32_t>> samples_;  // [face] vertices that went
 };
 

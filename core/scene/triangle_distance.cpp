@@ -87,18 +87,29 @@ void TriangleDistance::build(std::span<TrianglePoints> triangles, uint32_t first
   build(triangles.subspan(half), first + static_cast<uint32_t>(half));
 }
 
-double TriangleDistance::leafDistance(const Node& node, const Vec3d& p, double best) const {
+double TriangleDistance::leafDistance(const Node& node, const Vec3d& p, double best,
+                                      uint32_t& found) const {
   for (uint32_t i = node.first; i < node.first + node.count; ++i) {
     const TrianglePoints& t = triangles_[i];
     const Vec3d n = cross(t[1] - t[0], t[2] - t[0]);
     const double height = dot(p - t[0], n);  // over its plane, times the length of n
     if (height * height > best * squaredLength(n)) continue;
-    best = std::min(best, squaredLength(pointOf(t, closestOnTriangle(t, p)) - p));
+    const double squared = squaredLength(pointOf(t, closestOnTriangle(t, p)) - p);
+    if (squared < best) best = squared, found = i;
   }
   return best;
 }
 
-double TriangleDistance::search(const Vec3d& p, double best, double enough) const {
+bool TriangleDistance::within(const Vec3d& p, double distance_m, uint32_t& hint) const {
+  const double squared = distance_m * distance_m;
+  if (hint < triangles_.size()) {
+    const TrianglePoints& t = triangles_[hint];
+    if (squaredLength(pointOf(t, closestOnTriangle(t, p)) - p) <= squared) return true;
+  }
+  return search(p, squared * (1 + 1e-12), squared, hint) <= squared;
+}
+
+double TriangleDistance::search(const Vec3d& p, double best, double enough, uint32_t& found) const {
   if (nodes_.empty()) return best;
   // Halving keeps the tree's depth below 32 for as many triangles as an index can name.
   std::array<uint32_t, 64> stack;
@@ -109,7 +120,7 @@ double TriangleDistance::search(const Vec3d& p, double best, double enough) cons
     const Node& node = nodes_[index];
     if (squaredTo(node.box, p) >= best) continue;
     if (node.count > 0) {
-      best = leafDistance(node, p, best);
+      best = leafDistance(node, p, best, found);
       if (best <= enough) return best;
       continue;
     }

@@ -26,11 +26,13 @@ class TriangleDistance {
  public:
   explicit TriangleDistance(std::vector<TrianglePoints> triangles);
   // Metres; infinity without triangles.
-  double operator()(const Vec3d& p) const { return std::sqrt(search(p, kFar, 0)); }
-  bool within(const Vec3d& p, double distance_m) const {
-    const double squared = distance_m * distance_m;
-    return search(p, squared * (1 + 1e-12), squared) <= squared;
+  double operator()(const Vec3d& p) const {
+    uint32_t found = 0;
+    return std::sqrt(search(p, kFar, 0, found));
   }
+  // Whether a triangle lies within `distance_m`. `hint` is tried first and becomes the one that was
+  // found; 0 to begin with. It changes the time taken, never the answer.
+  bool within(const Vec3d& p, double distance_m, uint32_t& hint) const;
 
  private:
   static constexpr double kFar = std::numeric_limits<double>::infinity();
@@ -40,9 +42,9 @@ class TriangleDistance {
     uint32_t right = 0;             // the left child is the next node
   };
   // Smallest squared distance, or any at most `enough`; `best` when nothing is closer than that.
-  double search(const Vec3d& p, double best, double enough) const;
+  double search(const Vec3d& p, double best, double enough, uint32_t& found) const;
   void build(std::span<TrianglePoints> triangles, uint32_t first);
-  double leafDistance(const Node& node, const Vec3d& p, double best) const;
+  double leafDistance(const Node& node, const Vec3d& p, double best, uint32_t& found) const;
 
   std::vector<TrianglePoints> triangles_;
   std::vector<Node> nodes_;

@@ -38,7 +38,7 @@ struct ProxyCheck {
   uint64_t same_surface = 0;
   double median_m = 0, p99_m = 0, max_m = 0;
   uint64_t other_surface = 0;  // another mesh, material or side
-  uint64_t lost = 0;           // a hit in the scene only
+  uint64_t lost = 0;           // a hit in the scene only: at silhouettes, or through a leak
 
   bool holds() const { return leaks == 0; }  // else the caller should refuse the proxy
 };

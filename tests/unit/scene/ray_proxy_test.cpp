@@ -1,0 +1,579 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Decimated geometry against shapes whose surface is known in closed form, and on meshes that a
+// half-edge structure refuses.
+#include "scene/ray_proxy.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/rng.h"
+#include "scene_builders.h"
+
+namespace probelab::test {
+namespace {
+
+using Place = std::tuple<float, float, float>;
+using Edge = std::pair<Place, Place>;
+
+Place placeOf(const Vec3f& p) { return {p.x, p.y, p.z}; }
+
+// Faces of a triangle at each edge, by position.
+std::map<Edge, int> edgesOf(const Geometry& g, uint32_t material) {
+  std::map<Edge, int> edges;
+  for (const Triangle& t : g.triangles) {
+    if (t.material != material) continue;
+    for (int k = 0; k < 3; ++k) {
+      const Place a = placeOf(g.positions[t.vertex[k]]);
+      const Place b = placeOf(g.positions[t.vertex[(k + 1) % 3]]);
+      ++edges[std::minmax(a, b)];
+    }
+  }
+  return edges;
+}
+
+std::set<Edge> edgesWithFaces(const Geometry& g, uint32_t material, int faces) {
+  std::set<Edge> result;
+  for (const auto& [edge, count] : edgesOf(g, material))
+    if (count == faces) result.insert(edge);
+  return result;
+}
+
+Vec3d corner(const Geometry& g, std::size_t triangle, int k) {
+  return Vec3d(g.positions[g.triangles[triangle].vertex[k]]);
+}
+Vec3d areaVector(const Geometry& g, std::size_t t) {
+  const Vec3d a = corner(g, t, 0);
+  return cross(corner(g, t, 1) - a, corner(g, t, 2) - a) * 0.5;
+}
+double areaOf(const Geometry& g) {
+  double area = 0;
+  for (std::size_t t = 0; t < g.triangles.size(); ++t) area += length(areaVector(g, t));
+  return area;
+}
+double volumeOf(const Geometry& g) {  // divergence theorem; fronts outward
+  double volume = 0;
+  for (std::size_t t = 0; t < g.triangles.size(); ++t)
+    volume += dot(areaVector(g, t), corner(g, t, 0)) / 3;
+  return volume;
+}
+
+// Calls f(point, triangle, weights) at 10 places of every triangle.
+void forPoints(const Geometry& g,
+               const std::function<void(const Vec3d&, std::size_t, const Vec3d&)>& f) {
+  for (std::size_t t = 0; t < g.triangles.size(); ++t)
+    for (int i = 0; i <= 3; ++i)
+      for (int j = 0; i + j <= 3; ++j) {
+        const Vec3d w(i / 3.0, j / 3.0, (3 - i - j) / 3.0);
+        f(corner(g, t, 0) * w.x + corner(g, t, 1) * w.y + corner(g, t, 2) * w.z, t, w);
+      }
+}
+
+// n x n quads over (u, v) in the unit square, without shared vertices; front where du x dv points.
+void addSheet(SceneBuilder& builder, int n, uint32_t material,
+              const std::function<Vec3f(float, float)>& at) {
+  const auto p = [&](int i, int j) {
+    return at(static_cast<float>(i) / static_cast<float>(n),
+              static_cast<float>(j) / static_cast<float>(n));
+  };
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      builder.quad(p(i, j), p(i + 1, j), p(i + 1, j + 1), p(i, j + 1), material);
+}
+
+// A closed box, fronts outward; the sheets meet in bitwise equal positions.
+void addBox(SceneBuilder& builder, int n, uint32_t m, const Vec3f& size) {
+  for (const float side : {0.0f, 1.0f})
+    for (int axis = 0; axis < 3; ++axis)
+      addSheet(builder, n, m, [&](float u, float v) {
+        if (side == 0) std::swap(u, v);
+        Vec3f p;
+        p[axis] = side, p[(axis + 1) % 3] = u, p[(axis + 2) % 3] = v;
+        return p * size;
+      });
+}
+
+void oneMesh(SceneBuilder& builder, const std::string& name) {
+  Geometry& g = builder.geometry();
+  uint32_t first = 0;
+  for (const MeshRange& range : g.meshes) first += range.triangle_count;
+  g.meshes.push_back({name, first, static_cast<uint32_t>(g.triangles.size()) - first});
+}
+
+RayProxy proxyOf(const Scene& scene, double max_error_m) {
+  RayProxyOptions options;
+  options.max_error_m = max_error_m;
+  return makeRayProxy(scene, options);
+}
+
+void expectSound(const Scene& scene, const RayProxy& proxy) {
+  const Geometry& before = *scene.geometry;
+  const Geometry& after = *proxy.scene.geometry;
+  EXPECT_LE(after.triangles.size(), before.triangles.size());
+  EXPECT_EQ(proxy.report.triangles_before, before.triangles.size());
+  EXPECT_EQ(proxy.report.triangles_after, after.triangles.size());
+  for (const Triangle& t : after.triangles) {
+    for (const uint32_t v : t.vertex) ASSERT_LT(v, after.positions.size());
+    ASSERT_LT(t.material, proxy.scene.materials.size());
+  }
+  for (const auto* attribute : {&after.uv0, &after.uv1})
+    if (!attribute->empty()) EXPECT_EQ(attribute->size(), after.positions.size());
+  if (!after.normals.empty()) EXPECT_EQ(after.normals.size(), after.positions.size());
+  EXPECT_LE(proxy.report.original_to_proxy_m, proxy.report.max_error_m * 1.000001 + 1e-6);
+  EXPECT_LE(proxy.report.proxy_to_original_m, proxy.report.max_error_m * 1.000001 + 1e-6);
+}
+
+TEST(RayProxy, AFlatRoomCollapsesAndKeepsItsAreaAndVolume) {
+  SceneBuilder builder;
+  addBox(builder, 41, builder.material(Vec3f(0.5f)), Vec3f(4, 2.5f, 3));
+  const Scene scene = builder.finish();
+  ASSERT_EQ(scene.geometry->triangles.size(), 20172u);
+  const RayProxy proxy = proxyOf(scene, 0.005);
+  expectSound(scene, proxy);
+  // The 12 triangles that a box needs, and a few where the bound on slivers stops.
+  EXPECT_LT(proxy.report.triangles_after, 100u);
+  // Faces lie in coordinate planes exactly, so only fp32's rounding of positions in them counts.
+  EXPECT_LT(proxy.report.original_to_proxy_m, 1e-6);
+  EXPECT_LT(proxy.report.proxy_to_original_m, 1e-6);
+  EXPECT_NEAR(volumeOf(*proxy.scene.geometry), 30, 30e-6);
+  EXPECT_NEAR(areaOf(*proxy.scene.geometry), 59, 59e-6);
+  for (std::size_t t = 0; t < proxy.scene.geometry->triangles.size(); ++t) {
+    const Geometry& g = *proxy.scene.geometry;
+    double longest = 0;
+    for (int k = 0; k < 3; ++k)
+      longest = std::max(longest, length(corner(g, t, (k + 1) % 3) - corner(g, t, k)));
+    // No slivers: heights of 1 / 400 of the longest edge at least.
+    EXPECT_GE(2 * length(areaVector(g, t)), longest * longest / 401);
+  }
+  EXPECT_EQ(proxy.scene.geometry->box.min, scene.geometry->box.min);
+  EXPECT_EQ(proxy.scene.geometry->box.max, scene.geometry->box.max);
+}
+
+// Coarse quads, so that whole faces of the box are within reach of one collapse: flaps across its
+// edges pass every test at the vertices.
+TEST(RayProxy, ACoarseBoxOnAFloorKeepsItsShape) {
+  for (const int n : {1, 2, 3, 5}) {
+    SceneBuilder builder;
+    addBox(builder, n, builder.material(Vec3f(0.5f)), Vec3f(1, 2, 3));
+    const Scene scene = builder.finish();
+    const RayProxy proxy = proxyOf(scene, 0.005);
+    expectSound(scene, proxy);
+    EXPECT_EQ(proxy.report.triangles_after, 12u);
+    EXPECT_NEAR(volumeOf(*proxy.scene.geometry), 6, 1e-5);
+  }
+}
+
+TEST(RayProxy, ASphereStaysWithinTheBoundAndItsOwnSagitta) {
+  for (const double bound : {0.001, 0.004, 0.02}) {
+    SceneBuilder builder;
+    builder.sphere(Vec3f(0), 1, 5, builder.material(Vec3f(0.5f)), false, true);
+    const Scene scene = builder.finish();
+    // How far the middle of a chordal triangle is below the sphere, at most.
+    double sagitta = 0;
+    forPoints(*scene.geometry, [&](const Vec3d& p, std::size_t, const Vec3d&) {
+      sagitta = std::max(sagitta, 1 - length(p));
+    });
+    const RayProxy proxy = proxyOf(scene, bound);
+    expectSound(scene, proxy);
+    EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 2);
+    const Geometry& g = *proxy.scene.geometry;
+    for (const Vec3f& p : g.positions) EXPECT_NEAR(length(Vec3d(p)), 1, 1e-6);
+    double worst = 0;
+    forPoints(g, [&](const Vec3d& p, std::size_t t, const Vec3d& w) {
+      EXPECT_LT(length(p), 1 + 1e-6);  // chords of a convex body
+      worst = std::max(worst, 1 - length(p));
+      Vec3d normal;
+      for (int k = 0; k < 3; ++k)
+        normal += Vec3d(g.normals[g.triangles[t].vertex[k]]) * w[static_cast<std::size_t>(k)];
+      // Vertex normals are radial here, so their mean is the point itself.
+      EXPECT_NEAR(dot(normalize(normal), normalize(p)), 1, 1e-6);
+    });
+    // The report samples; between its samples a triangle bulges by a little more at most.
+    EXPECT_LE(worst, bound * 1.02 + sagitta + 1e-6);
+    EXPECT_GT(worst, bound * 0.5);  // the bound is used
+  }
+}
+
+TEST(RayProxy, TheBorderOfASheetStaysVertexByVertex) {
+  SceneBuilder builder;
+  addSheet(builder, 30, builder.material(Vec3f(0.5f)), [](float u, float v) {
+    return Vec3f(u, v, 0.002f * std::sin(20 * u) * std::cos(17 * v));
+  });
+  const Scene scene = builder.finish();
+  const RayProxy proxy = proxyOf(scene, 0.005);
+  expectSound(scene, proxy);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 4);
+  const std::set<Edge> border = edgesWithFaces(*scene.geometry, 0, 1);
+  EXPECT_EQ(border.size(), 120u);
+  EXPECT_EQ(edgesWithFaces(*proxy.scene.geometry, 0, 1), border);
+}
+
+TEST(RayProxy, EdgesBetweenMaterialsAndMeshesStayOnBothSides) {
+  for (const bool two_meshes : {false, true}) {
+    SceneBuilder builder;
+    const uint32_t a = builder.material(Vec3f(0.5f)), b = builder.material(Vec3f(0.2f));
+    const auto wave = [](float x, float y) {
+      return Vec3f(x, y, 0.002f * std::sin(20 * x) * std::cos(17 * y));
+    };
+    addSheet(builder, 24, a, wave);
+    if (two_meshes) oneMesh(builder, "first");
+    addSheet(builder, 24, two_meshes ? a : b, [&](float u, float v) { return wave(1 + u, v); });
+    if (two_meshes) oneMesh(builder, "second");
+    const Scene scene = builder.finish();
+    const RayProxy proxy = proxyOf(scene, 0.005);
+    expectSound(scene, proxy);
+    EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 4);
+    std::set<Edge> seam;
+    for (const auto& [edge, count] : edgesOf(*scene.geometry, a))
+      if (std::get<0>(edge.first) == 1 && std::get<0>(edge.second) == 1) seam.insert(edge);
+    ASSERT_EQ(seam.size(), 24u);
+    for (const uint32_t m : {a, two_meshes ? a : b}) {
+      const auto after = edgesOf(*proxy.scene.geometry, m);
+      for (const Edge& edge : seam) EXPECT_EQ(after.count(edge), 1u);
+    }
+  }
+}
+
+TEST(RayProxy, MeshRangesStillCoverTheirTriangles) {
+  SceneBuilder builder;
+  const uint32_t a = builder.material(Vec3f(0.5f)), b = builder.material(Vec3f(0.2f));
+  addSheet(builder, 10, a, [](float u, float v) { return Vec3f(u, v, 0); });
+  oneMesh(builder, "one");
+  addSheet(builder, 12, b, [](float u, float v) { return Vec3f(u, v, 1); });
+  oneMesh(builder, "two");
+  addSheet(builder, 5, a, [](float u, float v) { return Vec3f(u, v, 2); });  // of no mesh
+  const RayProxy proxy = proxyOf(builder.finish(), 0.001);
+  const Geometry& g = *proxy.scene.geometry;
+  ASSERT_EQ(g.meshes.size(), 2u);
+  EXPECT_EQ(g.meshes[0].first_triangle, 0u);
+  EXPECT_EQ(g.meshes[1].first_triangle, g.meshes[0].triangle_count);
+  const float heights[] = {0, 1};
+  for (int m = 0; m < 2; ++m)
+    for (uint32_t t = 0; t < g.meshes[m].triangle_count; ++t) {
+      const Triangle& triangle = g.triangles[g.meshes[m].first_triangle + t];
+      EXPECT_EQ(triangle.material, m == 0 ? a : b);
+      for (const uint32_t v : triangle.vertex) EXPECT_EQ(g.positions[v].z, heights[m]);
+    }
+  EXPECT_GT(g.triangles.size(), g.meshes[1].first_triangle + g.meshes[1].triangle_count);
+}
+
+TEST(RayProxy, EdgesOfThreeFacesStay) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f));
+  for (int fin = 0; fin < 3; ++fin)
+    addSheet(builder, 12, m, [&](float u, float v) {
+      const float angle = 2.1f * static_cast<float>(fin);
+      return Vec3f(u * std::cos(angle), v, u * std::sin(angle));
+    });
+  const Scene scene = builder.finish();
+  const RayProxy proxy = proxyOf(scene, 0.003);
+  expectSound(scene, proxy);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 2);
+  EXPECT_EQ(edgesWithFaces(*scene.geometry, m, 3).size(), 12u);
+  EXPECT_EQ(edgesWithFaces(*proxy.scene.geometry, m, 3), edgesWithFaces(*scene.geometry, m, 3));
+  EXPECT_NEAR(areaOf(*proxy.scene.geometry), 3, 3e-5);
+}
+
+// One vertex of a plane pulled over its neighbours: faces turned over within the plane.
+TEST(RayProxy, FoldsStayAsTheyAre) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f));
+  const auto pulled = [](float u, float v) {
+    return u == 0.5f && v == 0.5f ? Vec3f(0.82f, 0.61f, 0) : Vec3f(u, v, 0);
+  };
+  addSheet(builder, 16, m, pulled);
+  const Scene scene = builder.finish();
+  const RayProxy proxy = proxyOf(scene, 0.01);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 2);
+  EXPECT_GT(areaOf(*scene.geometry), 1.02);
+  EXPECT_NEAR(areaOf(*proxy.scene.geometry), areaOf(*scene.geometry), 1e-5);
+}
+
+TEST(RayProxy, DuplicateAndDegenerateFacesAreKept) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f));
+  const auto flat = [](float u, float v) { return Vec3f(u, v, 0); };
+  addSheet(builder, 8, m, flat);
+  addSheet(builder, 8, m, flat);                                          // the same again
+  addSheet(builder, 8, m, [&](float u, float v) { return flat(v, u); });  // and its back
+  builder.triangle(Vec3f(3, 0, 0), Vec3f(4, 0, 0), Vec3f(5, 0, 0), m);    // a line
+  builder.triangle(Vec3f(3, 1, 0), Vec3f(3, 1, 0), Vec3f(3, 1, 0), m);    // a point
+  builder.triangle(Vec3f(3, 2, 0), Vec3f(4, 2, 0), Vec3f(3, 3, 0), m);    // one by itself
+  const Scene scene = builder.finish();
+  const RayProxy proxy = proxyOf(scene, 0.01);
+  EXPECT_EQ(proxy.report.triangles_after, proxy.report.triangles_before);
+  ASSERT_EQ(proxy.report.left_alone.size(), 1u);
+  EXPECT_EQ(proxy.report.left_alone[0].triangles, 3u * 128 + 3);
+  EXPECT_FALSE(proxy.report.left_alone[0].reason.empty());
+}
+
+TEST(RayProxy, AnyTriangleSoupIsSurvived) {
+  EXPECT_EQ(proxyOf(SceneBuilder().finish(), 0.01).report.triangles_after, 0u);
+  for (uint64_t round = 0; round < 300; ++round) {
+    SCOPED_TRACE(round);
+    Rng rng(round, RngStream::test);
+    SceneBuilder builder;
+    const uint32_t materials = 1 + static_cast<uint32_t>(rng.nextBelow(2));
+    for (uint32_t m = 0; m < materials; ++m) builder.material(Vec3f(0.5f));
+    const uint64_t side = 2 + rng.nextBelow(3);  // few places, so that everything meets everything
+    const auto random = [&] { return static_cast<float>(rng.nextBelow(side)); };
+    for (int v = 0; v < 40; ++v) {
+      builder.vertex(Vec3f(random(), random(), round % 2 == 0 ? 0.0f : random()));
+      if (round % 3 == 0) builder.geometry().normals.push_back(Vec3f(0, 0, 1));
+    }
+    if (round % 50 == 7) builder.geometry().positions[3].x = std::nanf("");
+    for (int t = 0; t < 60; ++t) {
+      const auto v = [&] { return static_cast<uint32_t>(rng.nextBelow(40)); };
+      builder.geometry().triangles.push_back(
+          {{v(), v(), v()}, static_cast<uint32_t>(rng.nextBelow(materials))});
+    }
+    const Scene scene = builder.finish();
+    expectSound(scene, proxyOf(scene, 0.3));
+  }
+}
+
+// A dented sheet with faces missing, turned over, doubled and crossing: nothing of it may get lost.
+TEST(RayProxy, BrokenSheetsStayWithinTheBound) {
+  for (uint64_t round = 0; round < 10; ++round) {
+    SCOPED_TRACE(round);
+    Rng rng(round, RngStream::test, 1);
+    SceneBuilder builder;
+    const uint32_t m = builder.material(Vec3f(0.5f));
+    const int n = 24;
+    const auto at = [&](int i, int j) {
+      return Vec3f(static_cast<float>(i) / n, static_cast<float>(j) / n,
+                   0.003f * std::sin(0.7f * static_cast<float>(i * j % 97)));
+    };
+    for (int i = 0; i < n; ++i)
+      for (int j = 0; j < n; ++j) {
+        const uint64_t kind = rng.nextBelow(40);
+        if (kind == 0) continue;
+        if (kind == 1)
+          builder.quad(at(i, j + 1), at(i + 1, j + 1), at(i + 1, j), at(i, j), m);
+        else
+          builder.quad(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1), m);
+        if (kind == 2) builder.quad(at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1), m);
+        if (kind == 3) builder.triangle(at(i, j), at(i + 1, j), Vec3f(0.5f, 0.5f, 1), m);
+      }
+    const Scene scene = builder.finish();
+    const RayProxy proxy = proxyOf(scene, 0.01);
+    expectSound(scene, proxy);
+    EXPECT_TRUE(proxy.report.left_alone.empty());
+    EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before);
+    // Every edge with one, three or more faces is still there, with as many.
+    const auto before = edgesOf(*scene.geometry, m);
+    const auto after = edgesOf(*proxy.scene.geometry, m);
+    for (const auto& [edge, count] : before) {
+      if (count == 2) continue;
+      ASSERT_EQ(after.count(edge), 1u);
+      EXPECT_EQ(after.at(edge), count);
+    }
+  }
+}
+
+TEST(RayProxy, TheSameBytesWhateverTheThreads) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f));
+  for (int i = 0; i < 4; ++i) {
+    builder.sphere(Vec3f(3.0f * static_cast<float>(i), 0, 0), 1, 4, m, false, true);
+    oneMesh(builder, "sphere");
+  }
+  const Scene scene = builder.finish();
+  const auto run = [&](int threads) {
+    const ThreadLimit limit(threads);
+    return proxyOf(scene, 0.01);
+  };
+  const RayProxy one = run(1), all = run(0);
+  const Geometry &a = *one.scene.geometry, &b = *all.scene.geometry;
+  EXPECT_LT(a.triangles.size(), scene.geometry->triangles.size() / 2);
+  ASSERT_EQ(a.triangles.size(), b.triangles.size());
+  EXPECT_EQ(
+      std::memcmp(a.triangles.data(), b.triangles.data(), a.triangles.size() * sizeof(Triangle)),
+      0);
+  EXPECT_EQ(a.positions, b.positions);
+  EXPECT_EQ(a.normals, b.normals);
+  EXPECT_EQ(one.report.original_to_proxy_m, all.report.original_to_proxy_m);
+}
+
+TEST(RayProxy, EverythingButTheGeometryIsAsItWas) {
+  SceneBuilder builder;
+  addBox(builder, 6, builder.material(Vec3f(0.5f), Vec3f(1)), Vec3f(1));
+  builder.sun(Vec3f(0, -1, 0), Vec3f(3));
+  builder.camera(Vec3f(0.5f), Vec3f(1));
+  Scene scene = builder.finish();
+  scene.origin = Vec3d(10, 20, 30);
+  const RayProxy proxy = proxyOf(scene, 0.01);
+  EXPECT_EQ(proxy.scene.origin, scene.origin);
+  EXPECT_EQ(proxy.scene.bounds.min, scene.bounds.min);
+  EXPECT_EQ(proxy.scene.bounds.max, scene.bounds.max);
+  EXPECT_EQ(proxy.scene.materials.size(), 1u);
+  EXPECT_EQ(proxy.scene.materials[0].emission, Vec3f(1));
+  EXPECT_EQ(proxy.scene.lights.size(), 1u);
+  EXPECT_EQ(proxy.scene.cameras.size(), 1u);
+  EXPECT_EQ(proxy.scene.content_hash, scene.content_hash);
+}
+
+// A lamp with bumps: smoothing them away would cost a tenth of its area within the bound.
+TEST(RayProxy, AnEmitterKeepsItsArea) {
+  const auto bumps = [](float u, float v) {
+    const float k = 37.699112f;  // 12 pi: the border is straight; slope up to 0.75
+    return Vec3f(u, v, 0.02f * std::sin(k * u) * std::sin(k * v));
+  };
+  for (const bool emits : {false, true}) {
+    SceneBuilder builder;
+    addSheet(builder, 64, builder.material(Vec3f(0.5f), Vec3f(emits ? 1.0f : 0.0f)), bumps);
+    const Scene scene = builder.finish();
+    const RayProxy proxy = proxyOf(scene, 0.05);
+    expectSound(scene, proxy);
+    const double before = areaOf(*scene.geometry), after = areaOf(*proxy.scene.geometry);
+    if (!emits) {
+      EXPECT_LT(after, 0.97 * before);
+      continue;
+    }
+    EXPECT_NEAR(after, before, 0.01 * before);
+    EXPECT_NEAR(proxy.report.emitter_area_before_m2, before, 1e-5);
+    EXPECT_NEAR(proxy.report.emitter_area_after_m2, after, 1e-5);
+  }
+}
+
+Material textured() {
+  Material m;
+  m.base_color_texture.texture = 0;
+  return m;
+}
+
+// Sheets in the plane z = 0 whose texture coordinates are a function of the place.
+Scene texturedSheet(const std::function<Vec2f(const Vec3f&, int half)>& uv, bool seam) {
+  SceneBuilder builder;
+  builder.scene().textures.push_back({"t", 1, 1, {255, 255, 255, 255}});
+  const uint32_t m = builder.material(textured());
+  Geometry& g = builder.geometry();
+  for (int half = 0; half < (seam ? 2 : 1); ++half) {
+    addSheet(builder, 20, m,
+             [&](float u, float v) { return Vec3f(static_cast<float>(half) + u, v, 0); });
+    for (std::size_t i = g.uv0.size(); i < g.positions.size(); ++i)
+      g.uv0.push_back(uv(g.positions[i], half));
+  }
+  return builder.finish();
+}
+
+Vec2d uvAt(const Geometry& g, std::size_t t, const Vec3d& w) {
+  Vec2d uv;
+  for (int k = 0; k < 3; ++k)
+    uv += Vec2d(g.uv0[g.triangles[t].vertex[k]]) * w[static_cast<std::size_t>(k)];
+  return uv;
+}
+
+TEST(RayProxy, AnEvenTextureStaysInPlaceOnBothSidesOfASeam) {
+  const auto map = [](const Vec3f& p, int half) {
+    return Vec2f(0.7f * p.x + 0.1f * p.y + 5 * static_cast<float>(half), 0.4f * p.y);
+  };
+  const Scene scene = texturedSheet(map, true);
+  const RayProxy proxy = proxyOf(scene, 0.01);
+  expectSound(scene, proxy);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 4);
+  forPoints(*proxy.scene.geometry, [&](const Vec3d& p, std::size_t t, const Vec3d& w) {
+    const Vec2d uv = uvAt(*proxy.scene.geometry, t, w);
+    const double centre_x =
+        (corner(*proxy.scene.geometry, t, 0).x + corner(*proxy.scene.geometry, t, 1).x +
+         corner(*proxy.scene.geometry, t, 2).x) /
+        3;
+    const Vec2d truth(map(Vec3f(p), centre_x > 1 ? 1 : 0));
+    EXPECT_NEAR(uv.x, truth.x, 1e-5);
+    EXPECT_NEAR(uv.y, truth.y, 1e-5);
+  });
+}
+
+TEST(RayProxy, AStretchedTextureMovesByTheBoundAtMost) {
+  constexpr double kBound = 0.01;
+  const Scene scene =
+      texturedSheet([](const Vec3f& p, int) { return Vec2f(p.x + 0.5f * p.x * p.x, p.y); }, false);
+  const RayProxy proxy = proxyOf(scene, kBound);
+  expectSound(scene, proxy);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before);
+  // u = x + x^2 / 2, so a texel belongs at x = sqrt(1 + 2 u) - 1. Linear interpolation over a cell
+  // of 1/20 errs by (1/20)^2 / 8 itself; checked at vertices that went, so twice the bound between.
+  forPoints(*proxy.scene.geometry, [&](const Vec3d& p, std::size_t t, const Vec3d& w) {
+    const Vec2d uv = uvAt(*proxy.scene.geometry, t, w);
+    EXPECT_NEAR(std::sqrt(1 + 2 * uv.x) - 1, p.x, kBound + 1.0 / 3200 + 1e-5);
+    EXPECT_NEAR(uv.y, p.y, kBound + 1e-5);
+  });
+}
+
+// The rounded edge of a board: flattening it would lie within the bound, but its normals would then
+// spread over the whole face.
+TEST(RayProxy, ShadingNormalsTurnByTheirBoundAtMost) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f));
+  const float radius = 0.003f;
+  const auto profile =
+      [&](float s) {  // a quarter circle between two faces; normal = (x, z) - centre
+        const float angle = 1.5707964f * std::clamp((s - 0.4f) / 0.2f, 0.0f, 1.0f);
+        const Vec3f normal(std::sin(angle), 0, std::cos(angle));
+        Vec3f p = normal * radius;
+        p.x -= std::max(0.4f - s, 0.0f) * 2.5f, p.z -= std::max(s - 0.6f, 0.0f) * 2.5f;
+        return std::pair(p, normal);
+      };
+  constexpr int kAlong = 20, kAround = 40;
+  for (int i = 0; i <= kAround; ++i)
+    for (int j = 0; j <= kAlong; ++j) {
+      auto [p, normal] = profile(static_cast<float>(i) / kAround);
+      p.y = static_cast<float>(j) / kAlong;
+      builder.vertex(p);
+      builder.geometry().normals.push_back(normal);
+    }
+  for (uint32_t i = 0; i < kAround; ++i)
+    for (uint32_t j = 0; j < kAlong; ++j) {
+      const uint32_t a = i * (kAlong + 1) + j, b = a + kAlong + 1;
+      builder.geometry().triangles.push_back({{a, b, b + 1}, m});
+      builder.geometry().triangles.push_back({{a, b + 1, a + 1}, m});
+    }
+  const Scene scene = builder.finish();
+  const RayProxy proxy = proxyOf(scene, 0.004);
+  expectSound(scene, proxy);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 2);
+  const Geometry& g = *proxy.scene.geometry;
+  double flat_area = 0, wrong_area = 0;
+  for (std::size_t t = 0; t < g.triangles.size(); ++t) {
+    const double area = length(areaVector(g, t));
+    const bool on_face =
+        std::abs(areaVector(g, t).z) > 0.999 * area || std::abs(areaVector(g, t).x) > 0.999 * area;
+    if (!on_face) continue;
+    flat_area += area;
+    Vec3d normal;
+    for (int k = 0; k < 3; ++k) normal += Vec3d(g.normals[g.triangles[t].vertex[k]]);
+    if (dot(normalize(normal), areaVector(g, t) / area) < std::cos(0.2618)) wrong_area += area;
+  }
+  EXPECT_GT(flat_area, 1.9);  // two faces of 1 m by 1 m
+  EXPECT_LT(wrong_area, 0.01 * flat_area);
+}
+
+TEST(RayProxy, TheBoundIsAQuarterOfTheThinnestWallAtMost) {
+  const double none = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(proxyErrorBound(0.01, none), 0.01);
+  EXPECT_EQ(proxyErrorBound(0.01, 0.02), 0.005);
+  EXPECT_EQ(proxyErrorBound(0.01, 0.2), 0.01);
+  EXPECT_EQ(proxyErrorBound(0.01, 0), 0);
+  EXPECT_THROW(proxyErrorBound(-1, 1), InputError);
+  EXPECT_THROW(proxyErrorBound(none, 1), InputError);
+  EXPECT_THROW(proxyErrorBound(0.01, -1), InputError);
+  EXPECT_THROW(proxyErrorBound(0.01, std::nan("")), InputError);
+}
+
+TEST(RayProxy, BadOptionsAreRefused) {
+  SceneBuilder builder;
+  builder.quad(Vec3f(0), Vec3f(1, 0, 0), Vec3f(1, 1, 0), Vec3f(0, 1, 0), 0);
+  const Scene scene = builder.finish();  // without a material
+  EXPECT_THROW(proxyOf(scene, 0.01), InputError);
+  EXPECT_THROW(proxyOf(SceneBuilder().finish(), -0.01), InputError);
+  EXPECT_THROW(proxyOf(SceneBuilder().finish(), std::nan("")), InputError);
+}
+
+}  // namespace
+}  // namespace probelab::test
