@@ -180,7 +180,7 @@ void addBenchCommand(Program& program) {
   app.get_option("SCENE")->required(false)->capture_default_str();
   addPlacementOptions(app, options->field);
   addParamsOptions(app, options->field);
-  addTracerOption(app, options->field);
+  addTracingOptions(app, options->field);
   app.add_option("--updates", options->field.updates, "updates that are timed")
       ->type_name("N")
       ->check(checkPositiveInteger)

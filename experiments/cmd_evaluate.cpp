@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // `probelab evaluate`: errors, leaks, speed, work and memory of a probe field against path tracing.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "ablation_run.h"
 #include "base/build_info.h"
 #include "base/files.h"
 #include "commands.h"
@@ -24,7 +26,7 @@ struct EvaluateOptions {
   SceneOptions scene;
   FieldOptions field;
   TruthOptions truth;
-  std::string receivers, split = "heldout", dump, dump_field;
+  std::string receivers, split = "heldout", dump, dump_field, ablation;
 };
 
 Json workJson(const WorkCounts& work) {
@@ -32,16 +34,6 @@ Json workJson(const WorkCounts& work) {
           {"shadow_rays", work.shadow_rays},
           {"texel_ray_products", work.texel_ray_products},
           {"resolve_taps", work.resolve_taps}};
-}
-
-// Rays and texels of all updates; queries at the receivers (`before` and `after` them), and apart
-// from these the updates' own bounce queries.
-Json stabilityJson(const Counters& before, const Counters& after) {
-  return {{"non_finite", after.non_finite_rays},
-          {"clamped", after.clamped_texels},
-          {"fallback_queries", after.fallback_queries - before.fallback_queries},
-          {"tiny_weight_sum", after.tiny_weight_sums - before.tiny_weight_sums},
-          {"bounce_fallback_queries", before.fallback_queries}};
 }
 
 Json convergedJson(const std::optional<ConvergeReport>& report) {
@@ -69,18 +61,21 @@ Json describe(const EvaluateOptions& options, FieldSetup& setup, const FieldRun&
           {"lattice",
            {field.layout().lattice.count.x, field.layout().lattice.count.y,
             field.layout().lattice.count.z}},
-          {"probes", {{"stored", field.probeCount()}, {"active", field.probeCount()}}},
+          {"probes", {{"stored", field.probeCount()}, {"active", field.states().activeCount()}}},
           {"params", toJson(setup.params)},
           {"mode", options.field.mode},
           {"error", nullptr},
           {"speed", nullptr},
           {"work", workJson(field.workOfUpdate())},
           {"layout_build_s", field.layout().build_s},
-          {"memory_bytes", field.atlasBytes() + indexBytes(field.layout())},
+          {"memory_bytes", field.atlasBytes() + field.stateBytes()},
+          {"memory", memoryJson(field)},
           {"updates", run.updates},
+          {"stopped_early", run.stopped_early},
           {"converged", convergedJson(run.converged)},
           {"temporal", nullptr},
           {"stability", nullptr},
+          {"ray_proxy", proxyJson(setup.proxy.get())},
           {"device", setup.gpu.info().name},
           {"tracer", field.tracerName()},
           {"seed", field.options().seed},
@@ -108,31 +103,54 @@ void printSpeed(const Json& speed) {
   fmt::print("\n{}", table.text());
   fmt::print("{}", formatFields({{"frame_ms", formatNumber(speed["frame_ms"].get<double>()) +
                                                   "  (an update and 1920 x 1080 queries)"}}));
+  for (const auto& [name, ms] : speed["state_ms"].items())
+    fmt::print("{}", formatFields({{name + "_ms", formatNumber(ms.get<double>()) +
+                                                      "  (once, before the first update)"}}));
+}
+
+std::string formatRun(const Json& r) {
+  const std::string text =
+      fmt::format("{}, {} updates", r["mode"].get<std::string>(), r["updates"].get<int>());
+  return r["stopped_early"].get<bool>()
+             ? fmt::format("{}, stopped early at {}", text, r["updates"].get<int>())
+             : text;
+}
+
+std::string formatMemory(const Json& memory) {
+  return fmt::format("{} of atlases, {} bytes a probe; {} of state and index",
+                     formatBytes(memory["atlas"].get<double>()), memory["atlas_per_probe"].dump(),
+                     formatBytes(memory["state_and_index"].get<double>()));
 }
 
 void printResult(const Json& r) {
   fmt::print(
       "{}",
-      formatFields(
-          {{"scene",
-            fmt::format("{}, {}", r["scene"].get<std::string>(), r["state"].get<std::string>())},
-           {"probes", fmt::format("{} stored, {} of {} x {} x {}", r["probes"]["stored"].get<int>(),
-                                  r["strategy"].get<std::string>(), r["lattice"][0].get<int>(),
-                                  r["lattice"][1].get<int>(), r["lattice"][2].get<int>())},
-           {"parameters", r["params"]["name"].get<std::string>()},
-           {"run",
-            fmt::format("{}, {} updates", r["mode"].get<std::string>(), r["updates"].get<int>())},
-           {"device", fmt::format("{}, tracer {}", r["device"].get<std::string>(),
-                                  r["tracer"].get<std::string>())},
-           {"receivers", fmt::format("{}, scored: {}", r["receivers"]["count"].get<int>(),
-                                     r["receivers"]["split"].get<std::string>())},
-           {"memory", formatBytes(r["memory_bytes"].get<double>())}}));
+      formatFields({{"scene", fmt::format("{}, {}", r["scene"].get<std::string>(),
+                                          r["state"].get<std::string>())},
+                    {"probes",
+                     fmt::format("{} stored, {} active, {} of {} x {} x {}",
+                                 r["probes"]["stored"].get<int>(), r["probes"]["active"].get<int>(),
+                                 r["strategy"].get<std::string>(), r["lattice"][0].get<int>(),
+                                 r["lattice"][1].get<int>(), r["lattice"][2].get<int>())},
+                    {"parameters", r["params"]["name"].get<std::string>()},
+                    {"run", formatRun(r)},
+                    {"device", fmt::format("{}, tracer {}", r["device"].get<std::string>(),
+                                           r["tracer"].get<std::string>())},
+                    {"receivers", fmt::format("{}, scored: {}", r["receivers"]["count"].get<int>(),
+                                              r["receivers"]["split"].get<std::string>())},
+                    {"memory", formatMemory(r["memory"])}}));
+  if (!r["ray_proxy"].is_null())
+    fmt::print("{}", formatFields({{"ray proxy", formatProxy(r["ray_proxy"])}}));
   printErrors(r["error"]);
   printSpeed(r["speed"]);
   const Json& s = r["stability"];
-  fmt::print("\nstability  {} non-finite, {} clamped, {} fallback queries, {} tiny weight sums\n",
-             s["non_finite"].dump(), s["clamped"].dump(), s["fallback_queries"].dump(),
-             s["tiny_weight_sum"].dump());
+  fmt::print("\nstability  {} non-finite, {} clamped, {} tiny weight sums\n",
+             s["non_finite"].dump(), s["clamped"].dump(), s["tiny_weight_sum"].dump());
+  fmt::print(
+      "fallback   {} queries at receivers ({} answered without visibility, {} by the nearest "
+      "probe, {} by 0), {} bounce queries\n",
+      s["fallback_queries"].dump(), s["unoccluded_answers"].dump(), s["nearest_answers"].dump(),
+      s["empty_answers"].dump(), s["bounce_fallback_queries"].dump());
 }
 
 // What a number alone would not tell.
@@ -148,13 +166,55 @@ void warnOf(const Json& result, const Invocation& invocation) {
          result["stability"]["clamped"].get<uint64_t>());
 }
 
-Truth loadTruth(const EvaluateOptions& options, const FieldSetup& setup,
+Truth loadTruth(const EvaluateOptions& options, const SceneSetup& setup,
                 const Invocation& invocation) {
   if (!options.receivers.empty()) return {readReceivers(options.receivers, setup.scene), false};
   return obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation);
 }
 
+void printAblation(const Json& r) {
+  fmt::print(
+      "{}",
+      formatFields({{"scene", fmt::format("{}, {}", r["scene"].get<std::string>(),
+                                          r["state"].get<std::string>())},
+                    {"ablation", r["about"].get<std::string>()},
+                    {"run", r["mode"].get<std::string>()},
+                    {"device", fmt::format("{}, tracer {}", r["device"].get<std::string>(),
+                                           r["tracer"].get<std::string>())},
+                    {"receivers", fmt::format("{}, scored: {}", r["receivers"]["count"].get<int>(),
+                                              r["receivers"]["split"].get<std::string>())}}));
+  fmt::print("\n{}", formatAblation(r));
+}
+
+void runAblationCommand(const EvaluateOptions& options, const Invocation& invocation) {
+  const ScoredSplit split = parseScoredSplit(options.split);
+  const Ablation ablation = loadAblation(options.ablation);
+  const std::vector<AblationCase> cases = resolveAblation(ablation, options.field);
+  SceneSetup setup(options.scene, invocation);
+  const Truth truth = loadTruth(options, setup, invocation);
+  const Json rows = runAblation(setup, cases, truth.receivers, split, invocation);
+  requireNoValidationMessages(setup.gpu);
+  Json result = {{"scene", setup.scene.name},
+                 {"state", setup.scene.state},
+                 {"strategy", options.field.strategy},
+                 {"params", toJson(cases.front().params)},
+                 {"mode", options.field.mode},
+                 {"receivers", receiversJson(options, truth.receivers, truth.from_cache)},
+                 {"error", rows["ablation"][0]["error"]},
+                 {"speed", rows["ablation"][0]["speed"]},
+                 {"name", ablation.name},
+                 {"about", ablation.about}};
+  result.update(rows);
+  result["device"] = setup.gpu.info().name;
+  result["tracer"] = setup.provenance.tracer;
+  result["seed"] = invocation.common.seed;
+  result["version"] = buildInfo().version;
+  result["provenance"] = toJson(setup.provenance);
+  reportResult(invocation, result, [&] { printAblation(result); });
+}
+
 void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
+  if (!options.ablation.empty()) return runAblationCommand(options, invocation);
   const ScoredSplit split = parseScoredSplit(options.split);
   if (!options.dump.empty()) checkOutput(options.dump, ".csv");
   if (!options.dump_field.empty()) checkDumpFolder(options.dump_field);
@@ -163,8 +223,8 @@ void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   ProbeField& field = *setup.field;
   const bool temporal = options.field.mode == "temporal";
   TemporalRecord record(field, truth.receivers, split);
-  const FieldRun run = runField(field, options.field, invocation, [&](int done, int total) {
-    if (temporal) record.add(done, total);
+  const FieldRun run = runField(field, options.field, invocation, [&](int done, int) {
+    if (temporal) record.add(done);
   });
   const Counters before = field.counters();
   const std::vector<Vec3f> estimates = queryReceivers(field, truth.receivers);
@@ -218,6 +278,14 @@ void addEvaluateCommand(Program& program) {
                  "an existing folder for the field: atlases (EXR), probe positions, parameters")
       ->type_name("DIR")
       ->group("Output");
+  CLI::Option* ablation =
+      app.add_option("--ablation", options->ablation,
+                     fmt::format("one table of rows, each a change to the parameters, with errors, "
+                                 "leaks and times beside the base's: {} or a TOML file",
+                                 fmt::join(ablationNames(), ", ")))
+          ->type_name("NAME|FILE")
+          ->group("Output");
+  for (const char* other : {"--dump", "--dump-field"}) ablation->excludes(app.get_option(other));
 }
 
 }  // namespace probelab

@@ -61,8 +61,8 @@ FieldImage renderImage(const RenderOptions& options, FieldSetup& setup, const Ca
   Progress progress("image", 1, invocation.common.quiet);
   FieldCamera view(setup.gpu, *setup.field, setup.scene, setup.embree);
   FieldImage image =
-      renderField(view, camera, options.width, options.height, options.spp,
-                  invocation.common.seed, [&](double done) { progress.update(done); });
+      renderField(view, camera, options.width, options.height, options.spp, invocation.common.seed,
+                  [&](double done) { progress.update(done); });
   progress.finish();
   if (options.show_probes)
     drawProbes(image, *setup.field, camera, kBallRadius * setup.field->layout().bias_length_m);

@@ -80,6 +80,12 @@ std::string checkPositive(const std::string& text) {
   return "'" + text + "' is not a number above 0";
 }
 
+std::string checkNotNegative(const std::string& text) {
+  double value = 0;
+  if (parseNumber(text, value) && value >= 0) return "";
+  return "'" + text + "' is not a number from 0 on";
+}
+
 std::string checkPositiveInteger(const std::string& text) {
   double value = 0;
   if (parseNumber(text, value) && value >= 1 && value == std::floor(value) &&

@@ -37,6 +37,7 @@ void addOutputOption(CLI::App& app, std::string& output, const std::string& type
 
 // Checks for CLI::Option::check: an empty string, or what is wrong with the value.
 std::string checkPositive(const std::string& text);         // a finite number above 0
+std::string checkNotNegative(const std::string& text);      // a finite number from 0 on
 std::string checkPositiveInteger(const std::string& text);  // 1 ... 2^31 - 1
 std::string checkFinite(const std::string& text);
 std::string checkSeed(const std::string& text);  // 0 ... 2^64 - 1

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::size_t kTimedPoints = 65536;  // enough that the dispatch itself does not count
 constexpr int kTimedQueries = 9;
-constexpr int kFlickerWindow = 32;
+constexpr std::size_t kFlickerWindow = 32;
 
 std::vector<QueryPoint> queryPoints(const Receivers& receivers) {
   std::vector<QueryPoint> points;
@@ -127,6 +127,38 @@ Json toJson(const ErrorReport& report) {
   return json;
 }
 
+Json memoryJson(const ProbeField& field) {
+  return {{"atlas", field.atlasBytes()},
+          {"state_and_index", field.stateBytes()},
+          {"atlas_per_probe", atlasBytesPerProbe(field.params())}};
+}
+
+Json stabilityJson(const Counters& before, const Counters& after) {
+  return {{"non_finite", after.non_finite_rays},
+          {"clamped", after.clamped_texels},
+          {"fallback_queries", after.fallback_queries - before.fallback_queries},
+          {"tiny_weight_sum", after.tiny_weight_sums - before.tiny_weight_sums},
+          {"unoccluded_answers", after.unoccluded_answers - before.unoccluded_answers},
+          {"nearest_answers", after.nearest_answers - before.nearest_answers},
+          {"empty_answers", after.empty_answers - before.empty_answers},
+          {"bounce_fallback_queries", before.fallback_queries}};
+}
+
+double meanReference(const Receivers& receivers, ScoredSplit split) {
+  std::vector<Vec3f> truth;
+  for (const Receiver& r : receivers.points) truth.push_back((r.a + r.b) * 0.5f);
+  return scoredMean(truth, receivers, split);
+}
+
+std::vector<QueryPoint> timedPoints(const Receivers& receivers) {
+  const std::vector<QueryPoint> once = queryPoints(receivers);
+  std::vector<QueryPoint> points;
+  while (points.size() < kTimedPoints && !once.empty())
+    points.insert(points.end(), once.begin(), once.end());
+  points.resize(std::min(points.size(), kTimedPoints));
+  return points;
+}
+
 Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& receivers) {
   Json speed, spread;
   const auto add = [&](const std::string& name, const TimeSummary& times, double factor) {
@@ -143,11 +175,7 @@ Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& recei
     const double median = add(std::string(stage) + "_ms", times, 1);
     if (std::string(stage) == "trace") trace_ms = median;
   }
-  const std::vector<QueryPoint> once = queryPoints(receivers);
-  std::vector<QueryPoint> points;
-  while (points.size() < kTimedPoints && !once.empty())
-    points.insert(points.end(), once.begin(), once.end());
-  points.resize(std::min(points.size(), kTimedPoints));
+  const std::vector<QueryPoint> points = timedPoints(receivers);
   const double per_point = 1e6 / static_cast<double>(points.size());
   const double query_ns =
       add("query_ns_per_point", summarizeTimes(field.timeQuery(points, kTimedQueries)), per_point);
@@ -156,6 +184,10 @@ Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& recei
       trace_ms > 0
           ? std::optional<double>(static_cast<double>(field.workOfUpdate().rays) / trace_ms * 1e3)
           : std::nullopt);
+  speed["state_ms"] = Json::object();
+  for (const char* stage : {"relocate", "classify"})
+    if (field.stateStages().contains(stage))
+      speed["state_ms"][stage] = field.stateStages().at(stage);
   speed["spread"] = spread;
   return speed;
 }
@@ -177,20 +209,14 @@ std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers
   return csv;
 }
 
-void TemporalRecord::add(int done, int total) {
+void TemporalRecord::add(int done) {
   const bool checkpoint = done == 1 || done == 4 || done == 16 || done == 64;
-  const bool in_window = total >= kFlickerWindow && done > total - kFlickerWindow;
-  const std::vector<Vec3f> estimates = queryReceivers(field_, receivers_);
+  std::vector<Vec3f> estimates = queryReceivers(field_, receivers_);
   means_.push_back(scoredMean(estimates, receivers_, split_));
   if (checkpoint)
     nrmse_after_.emplace_back(done, scoreEstimates(estimates, receivers_, split_).all.nrmse);
-  if (!in_window) return;
-  sum_.resize(estimates.size()), sum_of_squares_.resize(estimates.size());
-  for (std::size_t i = 0; i < estimates.size(); ++i) {
-    const double l = luminance(Vec3d(estimates[i]));
-    sum_[i] += l, sum_of_squares_[i] += l * l;
-  }
-  ++window_;
+  window_.push_back(std::move(estimates));
+  if (window_.size() > kFlickerWindow) window_.pop_front();
 }
 
 Json TemporalRecord::toJson() const {
@@ -200,11 +226,16 @@ Json TemporalRecord::toJson() const {
                {"flicker", nullptr}};
   for (const auto& [updates, nrmse] : nrmse_after_)
     json["nrmse_after"][std::to_string(updates)] = optionalNumber(nrmse);
+  if (window_.size() < kFlickerWindow) return json;
   double flicker = 0, weight = 0;
-  for (std::size_t i = 0; i < sum_.size(); ++i) {
-    const double mean = sum_[i] / window_;
+  for (std::size_t i = 0; i < receivers_.points.size(); ++i) {
+    double mean = 0, mean_square = 0;
+    for (const std::vector<Vec3f>& estimates : window_) {
+      const double l = luminance(Vec3d(estimates[i]));
+      mean += l / kFlickerWindow, mean_square += l * l / kFlickerWindow;
+    }
     if (!(mean > 0) || !isScored(receivers_.points[i], split_)) continue;
-    const double variance = std::max(0.0, sum_of_squares_[i] / window_ - mean * mean);
+    const double variance = std::max(0.0, mean_square - mean * mean);
     flicker += receivers_.points[i].area * std::sqrt(variance) / mean;
     weight += receivers_.points[i].area;
   }

@@ -2,6 +2,7 @@
 // Scores a field at receivers and puts everything that is known about it under its fixed names.
 #pragma once
 
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -24,10 +25,24 @@ std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers)
 ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
                            ScoredSplit split);
 
+// Area-weighted mean luminance of the truth over the receivers of the split.
+double meanReference(const Receivers& receivers, ScoredSplit split);
+
 // "error": the names of DESIGN section 6, noise_floor, surface, volume, resolved.
 Json toJson(const ErrorReport& report);
 
-// "speed": medians in ms, with p5 and p95 under "spread".
+// "speed": medians in ms, with p5 and p95 under "spread", and what
+// relocation and classification took before the first update under "state_ms".
+// "memory": bytes.
+Json memoryJson(const ProbeField& field);
+
+// "stability": rays and texels of all updates; queries at the receivers (`before` and `after`
+// them), and apart from these the updates' own bounce queries.
+Json stabilityJson(const Counters& before, const Counters& after);
+
+// The points that query times are measured at: the receivers, repeated until they are many.
+std::vector<QueryPoint> timedPoints(const Receivers& receivers);
+
 Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& receivers);
 
 // CSV: index,x,y,z,nx,ny,nz,kind,region,split,area,est_r..b,a_r..b,b_r..b in world coordinates.
@@ -39,7 +54,7 @@ class TemporalRecord {
  public:
   TemporalRecord(ProbeField& field, const Receivers& receivers, ScoredSplit split)
       : field_(field), receivers_(receivers), split_(split) {}
-  void add(int done, int total);
+  void add(int done);
   // {"nrmse_after": {"1": ...}, "updates_to_90": first update after which the mean over receivers
   // is at least 90 % of the last one, "updates_to_99", "flicker": mean over receivers of sigma / mu
   // of luminance over the last 32 updates, by area, or null when fewer were run}.
@@ -50,9 +65,8 @@ class TemporalRecord {
   const Receivers& receivers_;
   ScoredSplit split_;
   std::vector<std::pair<int, std::optional<double>>> nrmse_after_;
-  std::vector<double> means_;                 // of luminance by area, [update]
-  std::vector<double> sum_, sum_of_squares_;  // of luminance, [receiver]
-  int window_ = 0;
+  std::vector<double> means_;              // of luminance by area, [update]
+  std::deque<std::vector<Vec3f>> window_;  // estimates of the last updates
 };
 
 }  // namespace probelab

@@ -31,6 +31,13 @@ void addPlacementOptions(CLI::App& app, FieldOptions& options) {
       ->check(CLI::IsMember({"free", "bounds"}).description(""))
       ->capture_default_str()
       ->group(group);
+  app.add_option("--vertical", options.vertical,
+                 "spacing of the grid along y over that along x and z, 0.25 to 8; above 1: fewer "
+                 "probes vertically, more horizontally")
+      ->type_name("F")
+      ->check(checkPositive)
+      ->capture_default_str()
+      ->group(group);
 }
 
 void addParamsOptions(CLI::App& app, FieldOptions& options) {
@@ -40,7 +47,10 @@ void addParamsOptions(CLI::App& app, FieldOptions& options) {
       ->type_name("PRESET|FILE")
       ->capture_default_str()
       ->group(group);
-  app.add_option("--set", options.set, "one parameter over --params; may be repeated")
+  app.add_option(
+         "--set", options.set,
+         "one parameter over --params; may be repeated; 'probelab info --params' lists all with "
+         "units, ranges and presets")
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false)
       ->group(group);
@@ -51,12 +61,19 @@ void addParamsOptions(CLI::App& app, FieldOptions& options) {
       ->group(group);
 }
 
-void addTracerOption(CLI::App& app, FieldOptions& options) {
+void addTracingOptions(CLI::App& app, FieldOptions& options) {
   app.add_option("--tracer", options.tracer,
                  "rayquery (on the device), embree (on the host) or auto (rayquery on a GPU that "
                  "has it)")
       ->type_name("NAME")
       ->check(CLI::IsMember({"auto", "rayquery", "embree"}).description(""))
+      ->capture_default_str()
+      ->group("Field");
+  app.add_option("--ray-proxy", options.ray_proxy_m,
+                 "probe rays see simpler geometry that is off by at most this many metres, and by "
+                 "no more than a quarter of the thinnest wall; 0: off")
+      ->type_name("M")
+      ->check(checkNotNegative)
       ->capture_default_str()
       ->group("Field");
 }
@@ -79,7 +96,7 @@ void addFieldOptions(CLI::App& app, FieldOptions& options) {
       ->type_name("N")
       ->check(checkPositiveInteger)
       ->group(group);
-  addTracerOption(app, options);
+  addTracingOptions(app, options);
 }
 
 Params resolveParams(const FieldOptions& options) {

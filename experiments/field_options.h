@@ -22,19 +22,22 @@ struct FieldOptions {
   std::string strategy = "grid";
   int probes = 512;                // at most that many own texels
   std::string lattice = "free";    // free: the box of the reachable free space | bounds
+  double vertical = 1;             // spacing along y over that along x and z
   std::string params = "rtxgi";    // a preset's name or a TOML file
   std::vector<std::string> set;    // key=value, over `params`
   std::optional<int> rays;         // a probe and update; empty: as `params` says
   std::string mode = "converged";  // converged | temporal
   std::optional<int> updates;      // temporal: how many; converged: how many are averaged
   std::string tracer = "auto";     // auto | rayquery | embree
+  double ray_proxy_m = 0;          // error that probe rays' geometry may have; 0: the scene itself
 };
 
-// All of them, or a part: --strategy, --probes, --lattice; --params, --set, --rays; --tracer.
+// All of them, or a part: --strategy, --probes, --lattice, --vertical; --params, --set, --rays;
+// --tracer, --ray-proxy.
 void addFieldOptions(CLI::App& app, FieldOptions& options);
 void addPlacementOptions(CLI::App& app, FieldOptions& options);
 void addParamsOptions(CLI::App& app, FieldOptions& options);
-void addTracerOption(CLI::App& app, FieldOptions& options);
+void addTracingOptions(CLI::App& app, FieldOptions& options);
 
 // --params with --rays and then every --set over it. Throws InputError.
 Params resolveParams(const FieldOptions& options);

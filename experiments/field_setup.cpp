@@ -13,35 +13,52 @@ namespace {
 
 constexpr std::size_t kWarmUpUpdates = 2;
 
-ProbeLayout makeLayout(const FieldSetup& setup, const FieldOptions& options, uint64_t seed) {
+ProbeLayout makeLayout(const SceneSetup& setup, const FieldOptions& options, uint64_t seed) {
   const PlacementInput input = {
       .scene = setup.scene,
       .embree = setup.embree,
       .reachability = setup.reachability,
       .probes = options.probes,
       .seed = seed,
-      .box = options.lattice == "bounds" ? LatticeBox::bounds : LatticeBox::free_space};
+      .box = options.lattice == "bounds" ? LatticeBox::bounds : LatticeBox::free_space,
+      .vertical = options.vertical};
   return placeProbes(options.strategy, input);
 }
 
 }  // namespace
 
-FieldSetup::FieldSetup(const SceneOptions& scene_options, const FieldOptions& options,
-                       const Invocation& invocation)
-    : params(resolveParams(options)),
-      scene(loadScene(scene_options, invocation)),
+SceneSetup::SceneSetup(const SceneOptions& scene_options, const Invocation& invocation)
+    : scene(loadScene(scene_options, invocation)),
       provenance(makeProvenance(invocation, scene)),
       embree(scene),
       gpu(openDevice(invocation, provenance)),
-      reachability(findReachable(scene, embree)) {
-  const uint64_t seed = invocation.common.seed;
+      reachability(findReachable(scene, embree)) {}
+
+std::unique_ptr<ProbeField> makeField(SceneSetup& setup, const Params& params,
+                                      const FieldPlan& plan) {
   FieldSettings settings;
-  settings.seed = seed;
-  settings.tracer = parseTracer(options.tracer);
-  settings.accumulate = options.mode == "converged";
-  field = std::make_unique<ProbeField>(gpu, scene, embree, makeLayout(*this, options, seed), params,
-                                       settings);
-  provenance.tracer = field->tracerName();
+  settings.seed = plan.seed;
+  settings.tracer = parseTracer(plan.options.tracer);
+  settings.accumulate = plan.accumulate;
+  settings.working_set_bytes = plan.working_set_bytes;
+  const Scene& scene = plan.proxy != nullptr ? plan.proxy->proxy.scene : setup.scene;
+  const EmbreeScene& embree = plan.proxy != nullptr ? plan.proxy->embree : setup.embree;
+  auto field = std::make_unique<ProbeField>(
+      setup.gpu, scene, embree, makeLayout(setup, plan.options, plan.seed), params, settings);
+  setup.provenance.tracer = field->tracerName();
+  return field;
+}
+
+FieldSetup::FieldSetup(Params wanted, const SceneOptions& scene_options,
+                       const FieldOptions& options, const Invocation& invocation)
+    : SceneSetup(scene_options, invocation),
+      params(std::move(wanted)),
+      proxy(makeProxySetup(scene, embree, options.ray_proxy_m, invocation.common.seed)) {
+  field = makeField(*this, params,
+                    {.options = options,
+                     .seed = invocation.common.seed,
+                     .proxy = proxy.get(),
+                     .accumulate = options.mode == "converged"});
 }
 
 FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocation& invocation,
@@ -58,7 +75,9 @@ FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocati
     if (on_update) on_update(done, total);
   };
   if (options.mode == "temporal") {
-    runTemporal(field, options.updates.value_or(kDefaultTemporal), record);
+    const int asked = options.updates.value_or(kDefaultTemporal);
+    runTemporal(field, asked, record);
+    run.stopped_early = run.updates < asked;
   } else {
     ConvergeOptions converge;
     converge.average = options.updates.value_or(kDefaultAveraged);

@@ -14,30 +14,57 @@
 #include "json.h"
 #include "program.h"
 #include "provenance.h"
+#include "proxy_setup.h"
 #include "scene_options.h"
 #include "trace/embree_scene.h"
 #include "trace/reachability.h"
 
 namespace probelab {
 
-// A scene with a fresh field in it. Not movable: the field refers to its neighbours.
-struct FieldSetup {
-  FieldSetup(const SceneOptions& scene_options, const FieldOptions& options,
-             const Invocation& invocation);
-  FieldSetup(const FieldSetup&) = delete;
+// A scene and a device to run fields in it. Not movable: fields refer to its members.
+struct SceneSetup {
+  SceneSetup(const SceneOptions& scene_options, const Invocation& invocation);
+  SceneSetup(const SceneSetup&) = delete;
 
-  Params params;
   Scene scene;
   Provenance provenance;
   EmbreeScene embree;
   GpuContext gpu;
   Reachability reachability;
+};
+
+// How a field is made beyond its parameters.
+struct FieldPlan {
+  const FieldOptions& options;
+  uint64_t seed = 0;
+  const ProxySetup* proxy = nullptr;  // what probe rays see; null: the scene
+  bool accumulate = true;
+  uint64_t working_set_bytes = FieldSettings{}.working_set_bytes;
+};
+
+// A fresh field; `setup` and the proxy must outlive it.
+std::unique_ptr<ProbeField> makeField(SceneSetup& setup, const Params& params,
+                                      const FieldPlan& plan);
+
+// A scene with a fresh field in it.
+struct FieldSetup : SceneSetup {
+  FieldSetup(const SceneOptions& scene_options, const FieldOptions& options,
+             const Invocation& invocation)
+      : FieldSetup(resolveParams(options), scene_options, options, invocation) {}
+
+  Params params;
+  std::unique_ptr<ProxySetup> proxy;  // empty without --ray-proxy
   std::unique_ptr<ProbeField> field;
+
+ private:
+  FieldSetup(Params wanted, const SceneOptions& scene_options, const FieldOptions& options,
+             const Invocation& invocation);
 };
 
 // What running the field took.
 struct FieldRun {
   int updates = 0;
+  bool stopped_early = false;                           // by variability_threshold
   std::optional<ConvergeReport> converged;              // empty when temporal
   std::vector<double> update_ms;                        // wall time, [update]
   std::map<std::string, std::vector<double>> stage_ms;  // "trace" -> [update]

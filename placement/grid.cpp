@@ -40,7 +40,7 @@ Box3f insetBox(const Box3f& box, const Vec3i& count) {
 ProbeLayout placeGrid(const PlacementInput& input) {
   const bool free_space = input.box == LatticeBox::free_space;
   const Box3f box = free_space ? input.reachability.reachable_box : input.scene.bounds;
-  const Vec3i count = cubicCounts(box.extent(), input.probes);
+  const Vec3i count = cubicCounts(box.extent(), input.probes, input.vertical);
   const Lattice lattice = makeLattice(free_space ? insetBox(box, count) : box, count);
   return latticeLayout(lattice, input.scene.bounds, reachablePoints(lattice, input));
 }
@@ -50,7 +50,9 @@ ProbeLayout placeGrid(const PlacementInput& input) {
 const Strategy kGridStrategy = {
     "grid", "a regular lattice with near to cubic cells in the reachable free space", placeGrid};
 
-Vec3i cubicCounts(const Vec3f& edges, int probes) {
+Vec3i cubicCounts(const Vec3f& box_edges, int probes, double vertical) {
+  Vec3f edges = box_edges;
+  edges.y /= static_cast<float>(vertical);
   const int fewest = static_cast<int>(std::ceil(0.9 * probes));
   Vec3i best(1, 1, 1);
   double best_spread = std::numeric_limits<double>::infinity();

@@ -10,6 +10,7 @@
 namespace probelab {
 namespace {
 constexpr int kMaxProbes = 1 << 24;
+constexpr double kMinVertical = 0.25, kMaxVertical = 8;
 }  // namespace
 
 std::span<const Strategy> strategies() {
@@ -20,6 +21,9 @@ std::span<const Strategy> strategies() {
 ProbeLayout placeProbes(const std::string& strategy, const PlacementInput& input) {
   if (input.probes < 1 || input.probes > kMaxProbes)
     throwInput("--probes {}: a layout takes 1 to {} probes", input.probes, kMaxProbes);
+  if (!(input.vertical >= kMinVertical && input.vertical <= kMaxVertical))
+    throwInput("--vertical {:g}: the vertical spacing may be {:g} to {:g} times the horizontal one",
+               input.vertical, kMinVertical, kMaxVertical);
   std::vector<std::string> names;
   for (const Strategy& candidate : strategies()) {
     names.push_back(candidate.name);

@@ -27,6 +27,7 @@ struct PlacementInput {
   int probes = 0;  // budget N
   uint64_t seed = 0;
   LatticeBox box = LatticeBox::free_space;
+  double vertical = 1;  // spacing along y over that along x and z
 };
 
 struct Strategy {
@@ -38,7 +39,7 @@ struct Strategy {
 std::span<const Strategy> strategies();
 
 // Runs the named strategy and fills ProbeLayout::strategy and build_s. Throws InputError for an
-// unknown name (with the nearest) or a budget below 1 or above 2^24.
+// unknown name (with the nearest), a budget below 1 or above 2^24, or `vertical` outside 0.25 .. 8.
 ProbeLayout placeProbes(const std::string& strategy, const PlacementInput& input);
 
 }  // namespace probelab
