@@ -102,17 +102,32 @@ bool ProxyAttributes::moveFace(const ProxyCollapse& collapse, int face, uint32_t
   return shape(moved.points) >= std::min(kMinShape, shape(before));
 }
 
+// Edges at v0 where the faces on both sides disagree about the attributes of an end.
+int ProxyAttributes::seamsAround(const ProxyCollapse& collapse) const {
+  int seams = 0;
+  for (auto it = collapse.mesh.voh_iter(collapse.v0); it.is_valid(); ++it) {
+    const int face = collapse.mesh.face_handle(*it).idx();
+    const int other = collapse.mesh.opposite_face_handle(*it).idx();
+    const int end = collapse.mesh.to_vertex_handle(*it).idx();
+    const int v0 = collapse.v0.idx();
+    if (cornerAt(face, v0) != cornerAt(other, v0) || cornerAt(face, end) != cornerAt(other, end))
+      ++seams;
+  }
+  return seams;
+}
+
 // What the collapse makes of the faces around v0, and which vertices they must then account for.
 // False when it cannot keep the attributes or makes slivers.
 bool ProxyAttributes::plan(const ProxyCollapse& collapse, std::vector<MovedFace>& moved,
                            std::vector<uint32_t>& samples) const {
-  if (!collapse.fl.is_valid() || !collapse.fr.is_valid()) return false;  // a border: locked
+  if (collapse.mesh.is_boundary(collapse.v0)) return false;  // locked anyway
   const int v0 = collapse.v0.idx(), v1 = collapse.v1.idx();
   const int left = collapse.fl.idx(), right = collapse.fr.idx();
   const uint32_t from_left = cornerAt(left, v0), from_right = cornerAt(right, v0);
   const uint32_t to_left = cornerAt(left, v1), to_right = cornerAt(right, v1);
-  // v1 has two sets of attributes along an edge where v0 has one: a seam ends here.
-  if (from_left == from_right && to_left != to_right) return false;
+  // On a seam v0 moves along it, and where one ends or branches it stays.
+  const int seams = seamsAround(collapse);
+  if (seams != 0 && (seams != 2 || from_left == from_right || to_left == to_right)) return false;
   if (has_attributes_) samples.push_back(from_left);
   if (has_attributes_ && from_right != from_left) samples.push_back(from_right);
   for (auto it = collapse.mesh.vf_iter(collapse.v0); it.is_valid(); ++it) {

@@ -78,6 +78,7 @@ class ProxyAttributes : public OpenMesh::Decimater::ModBaseT<ProxyMesh> {
   };
   bool plan(const ProxyCollapse& collapse, std::vector<MovedFace>& moved,
             std::vector<uint32_t>& samples) const;
+  int seamsAround(const ProxyCollapse& collapse) const;
   bool moveFace(const ProxyCollapse& collapse, int face, uint32_t corner, MovedFace& moved) const;
   uint32_t cornerAt(int face, int vertex) const;
   // Metres by which the face misses the vertex and its attributes; infinite when beyond the bounds.

@@ -32,21 +32,6 @@ std::vector<bool> findAside(std::span<const Corners> faces, std::span<const Vec3
   return aside;
 }
 
-// Faces with the same three vertices as another one.
-std::vector<bool> findDuplicates(std::span<const Corners> faces) {
-  std::vector<std::pair<Corners, uint32_t>> keys(faces.size());
-  for (uint32_t f = 0; f < faces.size(); ++f) {
-    keys[f] = {faces[f], f};
-    std::sort(keys[f].first.begin(), keys[f].first.end());
-  }
-  std::sort(keys.begin(), keys.end());
-  std::vector<bool> duplicate(faces.size());
-  for (std::size_t i = 1; i < keys.size(); ++i)
-    if (keys[i].first == keys[i - 1].first)
-      duplicate[keys[i].second] = duplicate[keys[i - 1].second] = true;
-  return duplicate;
-}
-
 std::vector<EdgeUse> sortedEdges(std::span<const Corners> faces, const std::vector<bool>& aside) {
   std::vector<EdgeUse> uses;
   uses.reserve(3 * faces.size());
@@ -81,8 +66,7 @@ class CornerSets {
 };
 
 // Joins the corners at both ends of each manifold edge; the corners of all others go to `open`.
-void joinAcrossEdges(std::span<const EdgeUse> uses, const std::vector<bool>& duplicate,
-                     CornerSets& sets, std::vector<uint32_t>& open) {
+void joinAcrossEdges(std::span<const EdgeUse> uses, CornerSets& sets, std::vector<uint32_t>& open) {
   const auto start = [](const EdgeUse& u) { return 3 * u.face + u.corner; };
   const auto end = [](const EdgeUse& u) { return 3 * u.face + (u.corner + 1) % 3; };
   for (std::size_t i = 0, n = 0; i < uses.size(); i += n) {
@@ -91,8 +75,7 @@ void joinAcrossEdges(std::span<const EdgeUse> uses, const std::vector<bool>& dup
            uses[i + n].high == uses[i].high)
       ++n;
     const EdgeUse& a = uses[i];
-    if (n == 2 && a.forward != uses[i + 1].forward && !duplicate[a.face] &&
-        !duplicate[uses[i + 1].face]) {
+    if (n == 2 && a.forward != uses[i + 1].forward) {
       sets.join(start(a), end(uses[i + 1]));
       sets.join(end(a), start(uses[i + 1]));
     } else {
@@ -130,7 +113,7 @@ Patch makePatch(std::span<const Corners> faces, std::span<const Vec3f> positions
   patch.aside = findAside(faces, positions);
   CornerSets sets(3 * faces.size());
   std::vector<uint32_t> open;
-  joinAcrossEdges(sortedEdges(faces, patch.aside), findDuplicates(faces), sets, open);
+  joinAcrossEdges(sortedEdges(faces, patch.aside), sets, open);
   std::vector<uint32_t> vertex_of(3 * faces.size(), kNone);  // [root corner]
   std::vector<uint32_t> first_of(positions.size(), kNone);   // [position] its first vertex
   patch.faces.resize(faces.size());
