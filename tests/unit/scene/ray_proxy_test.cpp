@@ -150,7 +150,7 @@ TEST(RayProxy, AFlatRoomCollapsesAndKeepsItsAreaAndVolume) {
 TEST(RayProxy, NoSliversAtAFineBorder) {
   SceneBuilder builder;
   const uint32_t m = builder.material(Vec3f(0.5f));
-  const int n = 600;
+  const int n = 1200;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < 4; ++j) {
       const auto at = [&](int a, int b) {
@@ -536,7 +536,8 @@ TEST(RayProxy, AnEvenTextureStaysInPlaceOnBothSidesOfASeam) {
   const Scene scene = texturedSheet(map, true);
   const RayProxy proxy = proxyOf(scene, 0.01);
   expectSound(scene, proxy);
-  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 4);
+  // 120 locked vertices around a polygon make 118 triangles; 19 more on the seam would add 38.
+  EXPECT_LT(proxy.report.triangles_after, 118u + 38u);
   forPoints(*proxy.scene.geometry, [&](const Vec3d& p, std::size_t t, const Vec3d& w) {
     const Vec2d uv = uvAt(*proxy.scene.geometry, t, w);
     const double centre_x =
