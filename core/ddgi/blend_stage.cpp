@@ -16,6 +16,7 @@ static_assert(sizeof(BlendPush) <= 128);
 
 // Texels that an invocation takes together: as many sums as registers hold.
 constexpr int kIrradianceBlock = 4, kMomentBlock = 8;
+constexpr int kIrradianceProbes = 4, kMomentProbes = 2;  // that an invocation takes
 
 // Makes room for `data` and copies it there.
 template <class T>
@@ -34,8 +35,10 @@ Defines blendDefines(const Params& params, const ProbeAtlas& atlas, bool probe_l
   defines.insert(defines.end(),
                  {{"PL_BLEND", irradiance ? "0" : "1"},
                   {"PL_BLOCK", std::to_string(irradiance ? kIrradianceBlock : kMomentBlock)},
+                  {"PL_PROBES", std::to_string(irradiance ? kIrradianceProbes : kMomentProbes)},
                   {"PL_CHANGE", std::to_string(irradiance ? params.change_detector : 0)},
                   flag("PL_PROBE_LIST", probe_list),
+                  flag("PL_ENCODED", irradiance && params.encoding_gamma != 1),
                   flag("PL_ACCUMULATE", static_cast<bool>(atlas.average)),
                   flag("PL_BACKFACE_SKIP", irradiance && params.backface_skip != 0),
                   flag("PL_BACKFACE_FREEZE", irradiance && params.backface_freeze < 1),
@@ -109,8 +112,11 @@ void BlendStage::record(StageRecorder& recorder, const RayItems& items, const Bl
   push.average = atlas_.average ? atlas_.average.address() : 0;
   push.probe_total = static_cast<uint32_t>(atlas_.probes);
   push.ray_count = ray_count_;
-  recorder.runGroups("blend", stage_, push, blocks_,
-                     groupCount(items.probe_count, kStageGroupSize));
+  recorder.runGroups(
+      "blend", stage_, push, blocks_,
+      groupCount(
+          items.probe_count,
+          kStageGroupSize * static_cast<uint32_t>(irradiance ? kIrradianceProbes : kMomentProbes)));
 }
 
 }  // namespace probelab

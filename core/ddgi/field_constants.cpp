@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ddgi/field_constants.h"
 
+#include <cmath>
+
 #include "ddgi/probe_atlas.h"
 
 namespace probelab {
@@ -11,6 +13,12 @@ struct FieldConstants {
   QueryParams<float> query;
   DistanceRule distance;
 };
+
+// For powParameter (shared/language.h).
+int halvesOf(double exponent) {
+  const double halves = 2 * exponent;
+  return halves == std::floor(halves) && halves < 16 ? static_cast<int>(halves) : -1;
+}
 
 }  // namespace
 
@@ -25,19 +33,26 @@ GpuBuffer uploadFieldConstants(GpuContext& context, const ProbeLayout& layout,
                           MemoryUse::device, "field constants");
 }
 
-Defines fieldDefines(const Params& params, bool moved) {
+Defines fieldDefines(const Params& params, const LayoutUse& use) {
   const QueryModes modes = queryModes(params);
   Defines defines = atlasDefines(params);
   const auto add = [&](const char* name, int value) {
     defines.emplace_back(name, std::to_string(value));
   };
+  const AtlasSides sides = atlasSides(params);
+  add("PL_IRRADIANCE_TEXELS", sides.irradiance);
+  add("PL_MOMENT_TEXELS", sides.moments);
+  const QueryParams<double> query = queryParams(params);
+  add("PL_CHEBYSHEV_HALVES", halvesOf(query.chebyshev_power));
+  add("PL_DECODE_HALVES", halvesOf(query.decode_exponent));
   add("PL_FACING", modes.facing);
   add("PL_TRILINEAR", modes.trilinear);
   add("PL_VISIBILITY", modes.visibility);
   add("PL_CRUSH", modes.crush);
   add("PL_AVERAGE", modes.average);
   add("PL_FALLBACK", modes.fallback);
-  add("PL_MOVED", moved ? 1 : 0);
+  add("PL_MOVED", use.moved ? 1 : 0);
+  add("PL_FULL_LATTICE", use.full ? 1 : 0);
   add("PL_OFFSET_WEIGHTS", modes.offset_weights);
   return defines;
 }

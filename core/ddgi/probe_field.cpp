@@ -61,7 +61,7 @@ ProbeField::ProbeField(GpuContext& context, const Scene& scene, const EmbreeScen
       rays_per_batch_(raysPerBatch(context, scene, params, layout, options)),
       batch_(context, scene, embree, options.tracer, rays_per_batch_, footprintOf(params)),
       recorder_(context),
-      counter_buffer_(createBuffer(context, sizeof(Counters), MemoryUse::device, "counters")) {
+      counter_buffer_(createBuffer(context, sizeof(CounterData), MemoryUse::device, "counters")) {
   createStates(context);
   irradiance_ =
       makeAtlas(context, AtlasKind::irradiance, params_, probeCount(), options.accumulate);
@@ -127,8 +127,9 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
 
 FieldAccess ProbeField::access() const {
   FieldAccess access;
-  access.defines = fieldDefines(params_, moved_);
-  access.inputs = {{"FIELD", &field_constants_}, {"COUNTERS", &counter_buffer_}};
+  const bool full = states_.activeCount() == layout_.probe_of_point.size();
+  access.defines = fieldDefines(params_, {.moved = moved_, .full = full});
+  access.inputs = {{"FIELD", &field_constants_, true}, {"COUNTERS", &counter_buffer_}};
   const auto copy = static_cast<std::size_t>(current_);
   access.addresses = {.irradiance = irradiance_.copies[copy].address(),
                       .moments = params_.visibility != 0 ? moments_.copies[copy].address() : 0,
@@ -245,7 +246,15 @@ void ProbeField::measureProbes() {
 }
 
 void ProbeField::readCounters() {
-  counters_ = downloadArray<Counters>(context_, counter_buffer_).front();
+  const auto data = downloadArray<CounterData>(context_, counter_buffer_).front();
+  counters_ = {.non_finite_rays = data.non_finite_rays,
+               .clamped_texels = data.clamped_texels,
+               .tiny_weight_sums = data.tiny_weight_sums,
+               .unoccluded_answers = data.answers[PL_ANSWER_UNOCCLUDED],
+               .nearest_answers = data.answers[PL_ANSWER_NEAREST],
+               .empty_answers = data.answers[PL_ANSWER_NONE]};
+  counters_.fallback_queries =
+      counters_.unoccluded_answers + counters_.nearest_answers + counters_.empty_answers;
 }
 
 std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
@@ -315,8 +324,9 @@ WorkCounts ProbeField::workOfUpdate() const {
 uint64_t ProbeField::atlasBytes() const { return probeCount() * atlasBytesPerProbe(params_); }
 
 uint64_t ProbeField::stateBytes() const {
-  return probe_index_.size() + (moved_ ? probe_positions_.size() : 0) +
-         (nearest_probe_ ? nearest_probe_.size() : 0) + (probe_list_ ? probe_list_.size() : 0);
+  return (states_.activeCount() < layout_.probe_of_point.size() ? probe_index_.size() : 0) +
+         (moved_ ? probe_positions_.size() : 0) + (nearest_probe_ ? nearest_probe_.size() : 0) +
+         (probe_list_ ? probe_list_.size() : 0);
 }
 
 }  // namespace probelab

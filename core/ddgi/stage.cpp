@@ -25,13 +25,14 @@ Stage Stage::with(const std::string& name, const GpuBuffer& buffer) const {
 Stage makeStage(GpuContext& context, const std::string& shader, Defines defines,
                 std::vector<StageInput> inputs, uint32_t push_bytes,
                 const AccelerationStructure* acceleration_structure) {
+  PipelineOptions options;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
+    if (inputs[i].uniform) options.uniform_buffers |= std::uint64_t{1} << i;
     PROBELAB_CHECK(inputs[i].buffer != nullptr);
     defines.emplace_back("BIND_" + inputs[i].name, std::to_string(i));
   }
   if (acceleration_structure != nullptr)
     defines.emplace_back("BIND_ACCELERATION_STRUCTURE", std::to_string(inputs.size()));
-  PipelineOptions options;
   options.buffer_count = static_cast<uint32_t>(inputs.size());
   options.acceleration_structure = acceleration_structure != nullptr;
   options.push_constant_bytes = push_bytes;

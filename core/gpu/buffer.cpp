@@ -150,7 +150,8 @@ GpuBuffer createBuffer(GpuContext& context, std::size_t bytes, MemoryUse use, st
         "{}: the device allows {} bytes in one storage buffer (maxStorageBufferRange); use smaller "
         "batches",
         sizeLabel(name, bytes), limit));
-  VkBufferUsageFlags usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+  VkBufferUsageFlags usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
+                             VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                              VK_BUFFER_USAGE_TRANSFER_DST_BIT;
   if (context.info().ray_query)
     usage |= VK_BUFFER_USAGE_ACCELERATION_STRUCTURE_BUILD_INPUT_READ_ONLY_BIT_KHR;

@@ -30,6 +30,7 @@ constexpr std::uint32_t kImagesPerPool = 128;  // of each kind
 VkDescriptorPool addPool(CommandsState& state, const PipelineOptions& needs) {
   std::vector<VkDescriptorPoolSize> sizes{
       {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, std::max(needs.buffer_count, kBuffersPerPool)},
+      {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, std::max(needs.buffer_count, kBuffersPerPool)},
       {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, std::max(needs.storage_image_count, kImagesPerPool)},
       {VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER,
        std::max(needs.sampled_image_count, kImagesPerPool)}};
@@ -67,7 +68,8 @@ VkDescriptorSet allocateSet(CommandsState& state, const PipelineState& pipeline)
 // Writes a set, binding by binding.
 class SetWriter {
  public:
-  SetWriter(const VulkanState& state, VkDescriptorSet set) : state_(state), set_(set) {}
+  SetWriter(const VulkanState& state, const PipelineOptions& options, VkDescriptorSet set)
+      : state_(state), options_(options), set_(set) {}
 
   void write(const Bindings& bindings) {
     // The writes point into these, which must not move.
@@ -88,8 +90,10 @@ class SetWriter {
     if (buffer == nullptr) return;
     const VkDeviceSize max_range = state_.physical.info.max_storage_buffer_range;
     const BufferState& b = buffer->state();
+    const bool uniform = isUniformBuffer(options_, binding);
     buffers_.push_back({b.buffer.get(), 0, std::min<VkDeviceSize>(b.allocated, max_range)});
-    add(binding, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER).pBufferInfo = &buffers_.back();
+    add(binding, uniform ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)
+        .pBufferInfo = &buffers_.back();
   }
   void addAccelerationStructure(const AccelerationStructure& as) {
     as_info_.accelerationStructureCount = 1;
@@ -116,6 +120,7 @@ class SetWriter {
   }
 
   const VulkanState& state_;
+  const PipelineOptions& options_;
   VkDescriptorSet set_;
   std::uint32_t next_ = 0;
   std::vector<VkDescriptorBufferInfo> buffers_;
@@ -208,7 +213,7 @@ void Commands::dispatch(const ComputePipeline& pipeline, const Bindings& binding
   vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, p.pipeline.get());
   if (binding_count > 0) {
     const VkDescriptorSet set = allocateSet(s, p);
-    SetWriter(*s.vulkan, set).write(bindings);
+    SetWriter(*s.vulkan, pipeline.options(), set).write(bindings);
     vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, p.layout.get(), 0, 1, &set, 0,
                             nullptr);
   }

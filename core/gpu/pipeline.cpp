@@ -35,7 +35,9 @@ void createLayouts(const VulkanState& state, PipelineState& pipeline) {
     bindings.push_back({static_cast<std::uint32_t>(bindings.size()), type, 1,
                         VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
   };
-  for (std::uint32_t i = 0; i < options.buffer_count; ++i) add(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
+  for (std::uint32_t i = 0; i < options.buffer_count; ++i)
+    add(isUniformBuffer(options, i) ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER
+                                    : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER);
   if (options.acceleration_structure) add(VK_DESCRIPTOR_TYPE_ACCELERATION_STRUCTURE_KHR);
   for (std::uint32_t i = 0; i < options.storage_image_count; ++i)
     add(VK_DESCRIPTOR_TYPE_STORAGE_IMAGE);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays -> texels ([M19], [RTXGI]). An invocation takes one probe and a block of texels; a workgroup
-// 64 probes and the same block, so that the rays and weights of the block (ddgi/weight_table.h) are
+// Rays -> texels ([M19], [RTXGI]). An invocation takes a few probes and a block of texels, all
+// invocations of a workgroup the same block, so that the rays and weights of the block (ddgi/weight_table.h) are
 // the same for all of them. PL_BLEND 0: irradiance, as mean radiance under the cosine, encoded; 1:
 // mean and mean square of the radial distance in units of r_i. Each texel also writes the border
 // texels that repeat it.
@@ -17,7 +17,7 @@ BUFFER(BIND_WEIGHTS, readonly, Weights, float weights[]);               // [entr
 #if PL_PROBE_LIST
 BUFFER(BIND_PROBE_LIST, readonly, ProbeList, uint probe_list[]);
 #endif
-BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
+BUFFER(BIND_COUNTERS, restrict, CounterBuffer, CounterData counters);
 
 layout(push_constant, scalar) uniform Push {
   RayItems items;
@@ -35,6 +35,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 const uint kBlock = PL_BLOCK;
+const uint kProbes = PL_PROBES;  // of an invocation
 const uint kNoTexel = 0xffffffffu;
 
 #if PL_BLEND == 0
@@ -66,12 +67,18 @@ void storeTexel(uint texel, vec3 value, uint rounding) {
 #endif
 
 vec3 encodeTexel(vec3 mean) {
-  if (push.blend.gamma == 1.0) return mean;
+#if PL_ENCODED
   return pow(mean, vec3(1.0 / push.blend.gamma));
+#else
+  return mean;
+#endif
 }
 vec3 decodeTexel(vec3 stored) {
-  if (push.blend.gamma == 1.0) return stored;
+#if PL_ENCODED
   return pow(stored, vec3(push.blend.gamma));
+#else
+  return stored;
+#endif
 }
 #else
 vec3 loadTexel(uint texel) { return vec3(loadMoments(push.previous, texel), 0.0); }
@@ -218,33 +225,54 @@ bool isFrozen(uint first_item, uint ray_count) {
 }
 #endif
 
-void main() {
-  uint block = gl_WorkGroupID.x;
-  uint begin = block_begin[block];
-  uint end = block_begin[block + 1u];
-  uint p = gl_WorkGroupID.y * kGroupSize + gl_LocalInvocationID.x;
-  uint first_item = min(p, push.items.probe_count - 1u) * push.items.stride_probe;
-  vec4 sums[kBlock];
-  [[unroll]] for (uint k = 0u; k < kBlock; ++k) sums[k] = vec4(0.0);
-  for (uint e = begin; e < end; ++e) {
-    vec4 value = contribution(first_item + entry_rays[e] * push.items.stride_ray);
-    [[unroll]] for (uint k = 0u; k < kBlock; ++k) sums[k] += value * weights[e * kBlock + k];
-  }
-  uint texels[kBlock];
-  [[unroll]] for (uint k = 0u; k < kBlock; ++k) texels[k] = block_texels[block * kBlock + k];
-  bool frozen = false;
-#if PL_BACKFACE_FREEZE
-  frozen = isFrozen(first_item, push.ray_count);
-#endif
-  if (p >= push.items.probe_count) return;
+// Probe number q of this invocation, counted in the batch.
+uint probeOfBatch(uint q) {
+  return (gl_WorkGroupID.y * kProbes + q) * kGroupSize + gl_LocalInvocationID.x;
+}
+
+void finishSum(uint i, uint texel, vec4 sum, bool frozen) {
+  uint p = probeOfBatch(i / kBlock);
+  if (p >= push.items.probe_count || texel == kNoTexel) return;
   uint probe = push.items.first_probe + p;
 #if PL_PROBE_LIST
   probe = probe_list[probe];
 #endif
-  [[unroll]] for (uint k = 0u; k < kBlock; ++k) {
 #if !(PL_BLEND == 0 && PL_BACKFACE_SKIP)
-    sums[k].w = 1.0;  // weights are normalised and every ray counts
+  sum.w = 1.0;  // weights are normalised and every ray counts
 #endif
-    if (texels[k] != kNoTexel) finishTexel(probe, texels[k], sums[k], frozen);
+  finishTexel(probe, texel, sum, frozen);
+}
+
+void main() {
+  uint block = gl_WorkGroupID.x;
+  uint begin = block_begin[block];
+  uint end = block_begin[block + 1u];
+  uint first_item[kProbes];
+  vec4 sums[kProbes * kBlock];
+  [[unroll]] for (uint q = 0u; q < kProbes; ++q) {
+    first_item[q] = min(probeOfBatch(q), push.items.probe_count - 1u) * push.items.stride_probe;
+    [[unroll]] for (uint k = 0u; k < kBlock; ++k) sums[q * kBlock + k] = vec4(0.0);
   }
+  for (uint e = begin; e < end; ++e) {
+    uint ray = entry_rays[e] * push.items.stride_ray;
+    vec4 values[kProbes];
+    [[unroll]] for (uint q = 0u; q < kProbes; ++q) values[q] = contribution(first_item[q] + ray);
+    [[unroll]] for (uint k = 0u; k < kBlock; ++k) {
+      float weight = weights[e * kBlock + k];
+      [[unroll]] for (uint q = 0u; q < kProbes; ++q)
+        sums[q * kBlock + k] += values[q] * weight;
+    }
+  }
+  bool frozen[kProbes];
+  [[unroll]] for (uint q = 0u; q < kProbes; ++q) {
+    frozen[q] = false;
+#if PL_BACKFACE_FREEZE
+    frozen[q] = isFrozen(first_item[q], push.ray_count);
+#endif
+  }
+  // A copy that a loop may index, so that the sums above stay in registers.
+  vec4 finished[kProbes * kBlock];
+  [[unroll]] for (uint i = 0u; i < kProbes * kBlock; ++i) finished[i] = sums[i];
+  [[dont_unroll]] for (uint i = 0u; i < kProbes * kBlock; ++i)
+    finishSum(i, block_texels[block * kBlock + i % kBlock], finished[i], frozen[i / kBlock]);
 }

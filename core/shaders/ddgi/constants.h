@@ -112,13 +112,10 @@ struct BlendConstants {
 #define PL_CLASSIFY_NEAR_SURFACE 2  // also inactive without a surface in the cells around
 
 // What went wrong, counted on the device.
-struct Counters {
+struct CounterData {
   PL_UINT non_finite_rays;    // radiance that is NaN or Inf
   PL_UINT clamped_texels;     // beyond the format's largest number
-  PL_UINT fallback_queries;   // the cell's probes gave no answer by their weights: the next three
-  PL_UINT unoccluded_answers;
-  PL_UINT nearest_answers;
-  PL_UINT empty_answers;      // irradiance 0
+  PL_UINT answers[4];         // queries by PL_ANSWER_*; those by weights are not counted
   PL_UINT tiny_weight_sums;   // sum of weights below kTinyWeightSum
 };
 

@@ -7,35 +7,43 @@
 
 #include "ddgi/texels.glsl"
 
-BUFFER(BIND_FIELD, readonly, FieldBuffer, 
-       LatticeShape lattice; QueryParams query_params; DistanceRule distance_rule);
+UNIFORM(BIND_FIELD, FieldBuffer,
+        LatticeShape lattice; QueryParams query_params; DistanceRule distance_rule);
+
+// The lattice with what the stage was specialised to as constants.
+LatticeShape specialisedLattice() {
+  LatticeShape shape = lattice;
+  shape.irradiance_texels = PL_IRRADIANCE_TEXELS;
+  shape.moment_texels = PL_MOMENT_TEXELS;
+  shape.border = PL_BORDER;
+  return shape;
+}
 
 const QueryModes kModes = QueryModes(PL_FACING, PL_TRILINEAR, PL_VISIBILITY, PL_CRUSH, PL_AVERAGE,
                                      PL_FALLBACK, PL_MOVED, PL_OFFSET_WEIGHTS);
 
+#if PL_FULL_LATTICE
+int fetchProbe(int lattice_index) { return lattice_index; }
+#else
 int fetchProbe(int lattice_index) { return push.field.probe_index.at[lattice_index]; }
+#endif
 int fetchNearest(int lattice_index) { return push.field.nearest_probe.at[lattice_index]; }
 vec3 fetchPosition(int probe) { return push.field.positions.at[probe]; }
 
 vec3 fetchIrradiance(int probe, int texel) {
-  int side = lattice.irradiance_texels + 2 * lattice.border;
+  const int side = PL_IRRADIANCE_TEXELS + 2 * PL_BORDER;
   return loadIrradiance(push.field.irradiance, uint(probe * side * side + texel));
 }
 
 vec2 fetchMoments(int probe, int texel) {
-  int side = lattice.moment_texels + 2 * lattice.border;
+  const int side = PL_MOMENT_TEXELS + 2 * PL_BORDER;
   return loadMoments(push.field.moments, uint(probe * side * side + texel));
 }
 
 #include "shared/query.h"
 
-// Counts how a query was answered.
-#define COUNT_ANSWER(counters, answer)                                                \
-  if ((answer) != PL_ANSWER_WEIGHED) {                                                \
-    atomicAdd((counters).fallback_queries, 1u);                                       \
-    if ((answer) == PL_ANSWER_UNOCCLUDED) atomicAdd((counters).unoccluded_answers, 1u); \
-    else if ((answer) == PL_ANSWER_NEAREST) atomicAdd((counters).nearest_answers, 1u);  \
-    else atomicAdd((counters).empty_answers, 1u);                                     \
-  }
+// Counts a query that the weights of the cell's probes did not answer.
+#define COUNT_ANSWER(counters, how) \
+  if ((how) != PL_ANSWER_WEIGHED) atomicAdd((counters).answers[how], 1u)
 
 #endif

@@ -17,18 +17,19 @@ layout(push_constant, scalar) uniform Push {
 #include "ddgi/field.glsl"
 
 BUFFER(BIND_RESULTS, writeonly, Results, vec4 results[]);
-BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
+BUFFER(BIND_COUNTERS, restrict, CounterBuffer, CounterData counters);
 
 void main() {
   QueryParams params = query_params;
-  LatticeShape shape = lattice;
+  LatticeShape shape = specialisedLattice();
   uint i = min(gl_GlobalInvocationID.x, push.item_count - 1u);
   QueryPoint point = push.points.at[i];
   QueryResult result =
       queryLattice(params, kModes, shape, point.position, point.normal, point.view);
   if (gl_GlobalInvocationID.x >= push.item_count) return;
-  COUNT_ANSWER(counters, result.answer)
-  else if (result.weight_sum < kTinyWeightSum) atomicAdd(counters.tiny_weight_sums, 1u);
+  COUNT_ANSWER(counters, result.answer);
+  if (result.answer == PL_ANSWER_WEIGHED && result.weight_sum < kTinyWeightSum)
+    atomicAdd(counters.tiny_weight_sums, 1u);
   results[i] =
       vec4(result.irradiance, result.answer == PL_ANSWER_WEIGHED ? result.weight_sum : -1.0);
 }

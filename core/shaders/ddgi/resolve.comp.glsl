@@ -22,7 +22,7 @@ BUFFER(BIND_RADIANCE, writeonly, Radiance, vec4 radiance[]);  // rgb, signed dis
 #if PL_STORE_DISTANCES
 BUFFER(BIND_DISTANCES, writeonly, Distances, float distances[]);  // in units of r_i, clamped
 #endif
-BUFFER(BIND_COUNTERS, restrict, CounterBuffer, Counters counters);
+BUFFER(BIND_COUNTERS, restrict, CounterBuffer, CounterData counters);
 #if PL_STORE_IRRADIANCE
 BUFFER(BIND_HIT_IRRADIANCE, writeonly, HitIrradiance, vec4 hit_irradiance[]);
 #endif
@@ -30,7 +30,7 @@ BUFFER(BIND_HIT_IRRADIANCE, writeonly, HitIrradiance, vec4 hit_irradiance[]);
 void main() {
 #if PL_FEEDBACK
   QueryParams params = query_params;
-  LatticeShape shape = lattice;
+  LatticeShape shape = specialisedLattice();
 #endif
 #if PL_STORE_DISTANCES
   DistanceRule rule = distance_rule;
@@ -44,7 +44,7 @@ void main() {
   if (surface.hit != 0u && max(surface.albedo.x, max(surface.albedo.y, surface.albedo.z)) > 0.0) {
     QueryResult result = queryLattice(params, kModes, shape, surface.origin, surface.normal,
                                       push.rays.at[i].direction);
-    COUNT_ANSWER(counters, result.answer)
+    COUNT_ANSWER(counters, result.answer);
     irradiance = result.irradiance;
     outgoing += surface.albedo * irradiance * (1.0 / 3.14159265358979);
   }

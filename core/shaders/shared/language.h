@@ -52,12 +52,13 @@ inline int floorToInt(double x) { return static_cast<int>(std::floor(x)); }
 template <class Jet>
 auto floorToInt(const Jet& x) -> decltype(x.a, 0) { return floorToInt(x.a); }
 
-// x^e for x >= 0. GLSL skips the pow for the exponents that presets use; C++ does not, so that an
-// automatic-differentiation type keeps its derivative by the exponent.
+// x^e for x >= 0. `halves` is 2 e where that is a whole number and -1 elsewhere: GLSL is specialised
+// to it, because a software device pays for a pow even where a branch avoids it. C++ takes e, so
+// that an automatic-differentiation type keeps its derivative by the exponent.
 template <class T>
-T powParameter(const T& x, const T& e) { return pow(x, e); }
+T powParameter(const T& x, const T& e, int /*halves*/) { return pow(x, e); }
 template <class T>
-Vec3<T> powParameter(const Vec3<T>& x, const T& e) { return pow(x, Vec3<T>(e)); }
+Vec3<T> powParameter(const Vec3<T>& x, const T& e, int /*halves*/) { return pow(x, Vec3<T>(e)); }
 
 inline uint floatBitsToUint(float x) { return std::bit_cast<uint>(x); }
 inline float uintBitsToFloat(uint x) { return std::bit_cast<float>(x); }
@@ -84,19 +85,19 @@ inline float uintBitsToFloat(uint x) { return std::bit_cast<float>(x); }
 
 int floorToInt(float x) { return int(floor(x)); }
 
-// Uniform branches: the exponent is the same for a whole dispatch.
-float powParameter(float x, float e) {
-  if (e == 1.0) return x;
-  if (e == 2.0) return x * x;
-  if (e == 3.0) return x * x * x;
-  if (e == 0.5) return sqrt(x);
-  return pow(x, e);
+// `halves` is a literal; up to 15.
+vec3 powParameter(vec3 x, float e, const int halves) {
+  if (halves < 0) return pow(x, vec3(e));
+  vec3 result = vec3(1.0);
+  if ((halves & 1) != 0) result = sqrt(x);
+  if ((halves & 2) != 0) result *= x;
+  vec3 square = x * x;
+  if ((halves & 4) != 0) result *= square;
+  if ((halves & 8) != 0) result *= square * square;
+  return result;
 }
-vec3 powParameter(vec3 x, float e) {
-  if (e == 1.0) return x;
-  if (e == 0.5) return sqrt(x);
-  if (e == 2.5) return x * x * sqrt(x);
-  return pow(x, vec3(e));
+float powParameter(float x, float e, const int halves) {
+  return powParameter(vec3(x), e, halves).x;
 }
 
 #endif

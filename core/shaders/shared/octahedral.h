@@ -12,10 +12,13 @@ PL_FUNCTION REAL signNotZero(REAL v) { return v >= REAL(0) ? REAL(1) : REAL(-1);
 
 // Direction (any positive length) -> [-1, 1]^2.
 PL_FUNCTION VEC2 octEncode(VEC3 d) {
-  REAL l1 = abs(d.x) + abs(d.y) + abs(d.z);
-  VEC2 p = VEC2(d.x / l1, d.y / l1);
-  if (d.z >= REAL(0)) return p;
-  return VEC2((REAL(1) - abs(p.y)) * signNotZero(p.x), (REAL(1) - abs(p.x)) * signNotZero(p.y));
+  REAL scale = REAL(1) / (abs(d.x) + abs(d.y) + abs(d.z));
+  REAL x = d.x * scale;
+  REAL y = d.y * scale;
+  REAL folded_x = (REAL(1) - abs(y)) * signNotZero(x);
+  REAL folded_y = (REAL(1) - abs(x)) * signNotZero(y);
+  bool upper = d.z >= REAL(0);
+  return VEC2(upper ? x : folded_x, upper ? y : folded_y);
 }
 
 // [-1, 1]^2 -> unit direction.

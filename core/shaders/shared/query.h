@@ -10,6 +10,9 @@
 //     vec3 fetchPosition(int probe)                     where probes are off the lattice's points
 //     vec3 fetchIrradiance(int probe, int texel)        as stored (encoded)
 //     vec2 fetchMoments(int probe, int texel)           mean and mean square, in units of r_i
+// and PL_CHEBYSHEV_HALVES, PL_DECODE_HALVES for powParameter.
+//
+// The loop over probes is written without branches: a software device runs both sides of each.
 #ifndef PROBELAB_SHARED_QUERY_H
 #define PROBELAB_SHARED_QUERY_H
 
@@ -25,6 +28,8 @@
 #define PL_FETCH_POSITION(probe) Vec3<T>(field.fetchPosition(probe))
 #define PL_FETCH_IRRADIANCE(probe, texel) Vec3<T>(field.fetchIrradiance(probe, texel))
 #define PL_FETCH_MOMENTS(probe, texel) Vec2<T>(field.fetchMoments(probe, texel))
+#define PL_CHEBYSHEV_HALVES -1
+#define PL_DECODE_HALVES -1
 #else
 #define PL_FIELD_FUNCTION
 #define PL_FIELD_PARAM
@@ -42,12 +47,14 @@ PL_NAMESPACE_BEGIN
 // power and floored. Everything in units of r_i.
 PL_FUNCTION REAL visibilityWeight(QueryParams PL_OF_T params, VEC2 moments, REAL distance_r) {
   REAL mean = moments.x;
-  if (distance_r <= mean) return REAL(1);
-  REAL variance = max(abs(moments.y - mean * mean), params.variance_floor * mean * mean) +
+  REAL square = mean * mean;
+  REAL variance = max(abs(moments.y - square), params.variance_floor * square) +
                   params.variance_bias;
   REAL excess = distance_r - mean;
   REAL bound = variance / (variance + excess * excess);
-  return max(params.visibility_floor, powParameter(bound, params.chebyshev_power));
+  REAL occluded = max(params.visibility_floor,
+                      powParameter(bound, params.chebyshev_power, PL_CHEBYSHEV_HALVES));
+  return distance_r <= mean ? REAL(1) : occluded;
 }
 
 PL_FUNCTION REAL facingWeight(QueryParams PL_OF_T params, REAL cosine) {
@@ -56,8 +63,9 @@ PL_FUNCTION REAL facingWeight(QueryParams PL_OF_T params, REAL cosine) {
 }
 
 PL_FUNCTION REAL crushWeight(QueryParams PL_OF_T params, REAL weight) {
-  if (weight >= params.crush_threshold) return weight;
-  return weight * weight * weight / (params.crush_threshold * params.crush_threshold);
+  // The cube is the smaller one just below the threshold.
+  return min(weight,
+             weight * weight * weight / (params.crush_threshold * params.crush_threshold));
 }
 
 // Bilinear reading of the irradiance map, as stored (encoded).
@@ -134,7 +142,7 @@ PL_FUNCTION void addProbe(PL_INOUT(QuerySums PL_OF_T) sums, QueryParams PL_OF_T 
 
 // Stored texel value -> the value that is averaged over probes (irradiance / pi, or its root).
 PL_FUNCTION VEC3 decodeForAverage(QueryParams PL_OF_T params, VEC3 stored) {
-  return powParameter(stored, params.decode_exponent);
+  return powParameter(stored, params.decode_exponent, PL_DECODE_HALVES);
 }
 
 PL_FUNCTION VEC3 averageToIrradiance(QueryModes modes, VEC3 value, REAL weight) {
@@ -214,18 +222,18 @@ PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, LatticeS
 PL_FIELD_FUNCTION REAL probeVisibility(PL_FIELD_PARAM QueryParams PL_OF_T params,
                                        LatticeShape lattice, int probe, VEC3 offset) {
   REAL distance_sq = dot(offset, offset);
-  if (distance_sq <= REAL(0)) return REAL(1);
+  if (distance_sq <= REAL(0)) offset = VEC3(REAL(0), REAL(0), REAL(-1));  // any direction
   OctTaps PL_OF_T taps = octTaps(offset * REAL(-1), lattice.moment_texels, lattice.border);
-  return visibilityWeight(params, readMoments(PL_FIELD_ARG probe, taps),
-                          sqrt(distance_sq) / REAL(lattice.support_radius));
+  REAL distance_r = distance_sq > REAL(0) ? sqrt(distance_sq) / REAL(lattice.support_radius)
+                                          : REAL(0);
+  return visibilityWeight(params, readMoments(PL_FIELD_ARG probe, taps), distance_r);
 }
 
 PL_FUNCTION REAL facingCosine(QueryModes modes, QueryCell PL_OF_T cell, VEC3 probe_position) {
   VEC3 to_probe =
       probe_position - (modes.facing == PL_FACING_WRAP_BIASED ? cell.biased : cell.position);
   REAL length_sq = dot(to_probe, to_probe);
-  if (length_sq <= REAL(0)) return REAL(1);
-  return dot(to_probe, cell.normal) / sqrt(length_sq);
+  return length_sq > REAL(0) ? dot(to_probe, cell.normal) / sqrt(length_sq) : REAL(1);
 }
 
 // Adds the probe of lattice point (x, y, z), if it has one.
@@ -233,29 +241,36 @@ PL_FIELD_FUNCTION void addCorner(PL_FIELD_PARAM PL_INOUT(QuerySums PL_OF_T) sums
                                  QueryParams PL_OF_T params, QueryModes modes,
                                  LatticeShape lattice, QueryCell PL_OF_T cell, int x, int y,
                                  int z) {
-  if (x >= lattice.count_x || y >= lattice.count_y || z >= lattice.count_z) return;
-  int probe = PL_FETCH_PROBE((z * lattice.count_y + y) * lattice.count_x + x);
-  if (probe < 0) return;
+  bool inside = x < lattice.count_x && y < lattice.count_y && z < lattice.count_z;
+  int point_index = inside ? (z * lattice.count_y + y) * lattice.count_x + x : 0;
+  int stored = PL_FETCH_PROBE(point_index);
+  bool usable = inside && stored >= 0;
+  int probe = max(stored, 0);
   VEC3 point = VEC3(REAL(x), REAL(y), REAL(z));
   VEC3 probe_position = VEC3(lattice.first) + point * VEC3(lattice.spacing);
-  VEC3 place = point;
-  if (modes.moved != 0) {
-    probe_position = PL_FETCH_POSITION(probe);
-    if (modes.offset_weights != 0)
-      place = (probe_position - VEC3(lattice.first)) / VEC3(lattice.spacing);
+  if (modes.moved != 0) probe_position = PL_FETCH_POSITION(probe);
+  VEC3 axis = VEC3(REAL(1) - abs(cell.coordinate.x - point.x),
+                   REAL(1) - abs(cell.coordinate.y - point.y),
+                   REAL(1) - abs(cell.coordinate.z - point.z));
+  if (modes.moved != 0 && modes.offset_weights != 0) {
+    VEC3 place = (probe_position - VEC3(lattice.first)) / VEC3(lattice.spacing);
+    axis = VEC3(axisWeight(cell.coordinate.x, x, place.x),
+                axisWeight(cell.coordinate.y, y, place.y),
+                axisWeight(cell.coordinate.z, z, place.z));
   }
-  VEC3 axis = VEC3(axisWeight(cell.coordinate.x, x, place.x),
-                   axisWeight(cell.coordinate.y, y, place.y),
-                   axisWeight(cell.coordinate.z, z, place.z));
   REAL trilinear = trilinearWeight(params, modes, axis);
-  if (trilinear <= REAL(0)) return;
+#ifdef __cplusplus
+  // Where a weight is 0, automatic differentiation would divide by the root of it.
+  if (!usable || trilinear <= REAL(0)) return;
+#endif
+  if (!usable) trilinear = REAL(0);
   REAL visibility = REAL(1);
   if (modes.visibility != 0)
     visibility = probeVisibility(PL_FIELD_ARG params, lattice, probe, probe_position - cell.biased);
   REAL cosine = REAL(1);
   if (modes.facing != PL_FACING_NONE) cosine = facingCosine(modes, cell, probe_position);
-  VEC3 stored = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
-  addProbe(sums, params, modes, trilinear, cosine, visibility, decodeForAverage(params, stored));
+  VEC3 texel = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
+  addProbe(sums, params, modes, trilinear, cosine, visibility, decodeForAverage(params, texel));
 }
 
 // The answer of the nearest active probe, where the cell has none.

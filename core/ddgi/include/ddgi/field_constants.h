@@ -13,7 +13,13 @@ namespace probelab {
 GpuBuffer uploadFieldConstants(GpuContext& context, const ProbeLayout& layout,
                                const Params& params);
 
-// The query's modes and the atlases' formats. `moved`: probes are off the lattice's points.
-Defines fieldDefines(const Params& params, bool moved);
+// What of a layout the query has to be told.
+struct LayoutUse {
+  bool moved = false;  // probes are off the lattice's points: positions are fetched
+  bool full = false;   // every lattice point has its active probe: no index is fetched
+};
+
+// The query's modes and the atlases' formats, as stages are specialised to them.
+Defines fieldDefines(const Params& params, const LayoutUse& use);
 
 }  // namespace probelab

@@ -37,6 +37,16 @@ struct WorkCounts {
   uint64_t resolve_taps = 0;  // texel fetches of all bounce queries, at most
 };
 
+// What went wrong so far, and how queries were answered where the weights of the cell's probes gave
+// no answer (shared/query_params.h).
+struct Counters {
+  uint32_t non_finite_rays = 0;   // radiance that is NaN or Inf
+  uint32_t clamped_texels = 0;    // beyond the format's largest number
+  uint32_t tiny_weight_sums = 0;  // queries with a sum of weights below kTinyWeightSum
+  uint32_t fallback_queries = 0;  // the next three together
+  uint32_t unoccluded_answers = 0, nearest_answers = 0, empty_answers = 0;
+};
+
 // What a stage needs to query the field: defines, buffers bound by name, addresses in its push
 // constants (valid until the next update).
 struct FieldAccess {

@@ -27,6 +27,7 @@ using Defines = std::vector<std::pair<std::string, std::string>>;
 struct StageInput {
   std::string name;
   const GpuBuffer* buffer;
+  bool uniform = false;  // a uniform buffer: small, and the same for all invocations
 };
 
 struct Stage {

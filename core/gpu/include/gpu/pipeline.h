@@ -18,7 +18,12 @@ struct PipelineOptions {
   std::uint32_t push_constant_bytes = 0;  // a multiple of 4; at least 128 are there everywhere
   std::uint32_t storage_image_count = 0;  // image2DArray, at the bindings after those
   std::uint32_t sampled_image_count = 0;  // sampler2DArray, at the last bindings
+  std::uint64_t uniform_buffers = 0;      // bit i: buffer i is a uniform one, of at most 16 KiB
 };
+
+constexpr bool isUniformBuffer(const PipelineOptions& options, std::uint32_t binding) {
+  return (options.uniform_buffers >> binding & 1) != 0;
+}
 
 struct PipelineState;
 
