@@ -100,14 +100,17 @@ ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
   return report;
 }
 
-void runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update) {
+int runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update) {
+  const double threshold = field.params().variability_threshold;
   for (int i = 0; i < updates; ++i) {
     throwIfInterrupted();
     const BlendMode mode{.hysteresis =
                              i == 0 ? 0.0f : static_cast<float>(field.params().hysteresis)};
     field.update(static_cast<uint64_t>(i), mode, mode);
     if (on_update) on_update(i + 1, updates);
+    if (threshold > 0 && field.variability() < threshold) return i + 1;
   }
+  return updates;
 }
 
 }  // namespace probelab

@@ -38,7 +38,9 @@ using UpdateCallback = std::function<void(int done, int total)>;
 ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
                              const UpdateCallback& on_update = {});
 
-// `updates` updates with Params::hysteresis; the first one writes without (there is no history).
-void runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update = {});
+// Up to `updates` updates with Params::hysteresis; the first one writes without (there is no
+// history). Stops when the field's variability falls below Params::variability_threshold. Returns
+// the updates done.
+int runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update = {});
 
 }  // namespace probelab
