@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// `probelab bench`: times of every stage of an update, next to baselines timed in the same run.
+// `probelab bench`: times of every stage of an update, next to baselines timed in the same run: a
+// bare ray loop, and blending and query as the textbook has them.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -7,16 +8,15 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "base/progress.h"
 #include "base/timer.h"
+#include "bench_baselines.h"
+#include "bench_sweep.h"
 #include "commands.h"
-#include "ddgi/directions.h"
 #include "device.h"
 #include "evaluation.h"
 #include "field_setup.h"
 #include "require.h"
 #include "table.h"
-#include "trace/bare_loop.h"
 #include "trace/receivers.h"
 
 namespace probelab {
@@ -27,57 +27,46 @@ constexpr int kDefaultProbes = 2048;  // 16 x 8 x 16
 constexpr int kDefaultRays = 128;
 constexpr uint32_t kPoints = 4096;  // receivers for the query and the reference
 constexpr uint32_t kReferenceSamples = 64;
+constexpr double kFramePoints = 1920 * 1080;
+constexpr const char* kStages[] = {"generate", "trace", "shade",      "occlude",
+                                   "resolve",  "blend", "variability"};
 
 struct BenchOptions {
   SceneOptions scene{.scene = "scenes/pillar_hall/scene.toml", .state = "", .camera = ""};
   FieldOptions field;
+  bool sweep = false;
 };
 
-// The rays of update number `update`, as the generate stage makes them.
-std::vector<Ray> updateRays(const ProbeField& field, uint64_t update) {
-  const std::vector<Vec3f> directions =
-      updateDirections(field.params().rays, field.options().seed, update);
-  std::vector<Ray> rays;
-  rays.reserve(directions.size() * field.layout().positions.size());
-  for (const Vec3f& position : field.layout().positions)
-    for (const Vec3f& direction : directions)
-      rays.push_back({position, 0, direction, kMissDistance});
-  return rays;
+// The updates, each followed by all baselines, so that whatever else the machine does meets all.
+FieldRun runUpdates(FieldSetup& setup, Baselines& baselines, const FieldOptions& options,
+                    const Invocation& invocation) {
+  return runField(*setup.field, options, invocation,
+                  [&](int done, int) { baselines.measure(static_cast<uint64_t>(done - 1)); });
 }
 
-// Times of the updates, and of the bare loop over each update's own rays right after it, so that
-// whatever else the machine does meets both.
-struct BenchRun {
-  FieldRun field;
-  std::vector<double> bare_ms;
-};
-
-BenchRun runUpdates(FieldSetup& setup, const FieldOptions& options, const Invocation& invocation) {
-  const BareLoop bare(setup.scene);
-  BenchRun run;
-  run.field = runField(*setup.field, options, invocation, [&](int done, int) {
-    run.bare_ms.push_back(
-        bare.milliseconds(updateRays(*setup.field, static_cast<uint64_t>(done - 1))));
-  });
-  return run;
-}
-
-Json summaryJson(const std::vector<double>& times) {
+Json summaryJson(const std::vector<double>& times, const std::string& unit = "ms") {
+  if (times.empty()) return nullptr;
   const TimeSummary summary = summarizeTimes(afterWarmUp(times));
-  return {{"median_ms", summary.median}, {"p5_ms", summary.p5}, {"p95_ms", summary.p95}};
+  return {
+      {"median_" + unit, summary.median}, {"p5_" + unit, summary.p5}, {"p95_" + unit, summary.p95}};
 }
 
-// The median over updates of baseline / ours: above 1 where ours is faster.
-Json ratioJson(const std::vector<double>& ours, const std::vector<double>& baseline) {
+// The median over updates of baseline / ours / `scale`: above 1 where ours is faster.
+Json ratioJson(const std::vector<double>& ours, const std::vector<double>& baseline,
+               double scale = 1) {
   std::vector<double> ratios;
   for (std::size_t i = 0; i < std::min(ours.size(), baseline.size()); ++i)
-    if (ours[i] > 0) ratios.push_back(baseline[i] / ours[i]);
+    if (ours[i] > 0) ratios.push_back(baseline[i] / ours[i] / scale);
   if (ratios.empty()) return nullptr;
   return percentile(afterWarmUp(ratios), 0.5);
 }
 
+double medianOf(const std::vector<double>& times) {
+  return summarizeTimes(afterWarmUp(times)).median;
+}
+
 double raysPerSecond(double rays, const std::vector<double>& ms) {
-  const double median = summarizeTimes(afterWarmUp(ms)).median;
+  const double median = medianOf(ms);
   return median > 0 ? rays / median * 1e3 : 0;
 }
 
@@ -90,75 +79,165 @@ Json measureReference(const FieldSetup& setup, const Receivers& receivers, uint6
                               : Json(nullptr);
 }
 
-Json describe(FieldSetup& setup, const BenchRun& run, const Invocation& invocation) {
+std::vector<double> timesOf(const FieldRun& run, const std::string& stage) {
+  const auto found = run.stage_ms.find(stage);
+  return found == run.stage_ms.end() ? std::vector<double>{} : found->second;
+}
+
+Json stagesJson(const FieldRun& run) {
+  Json stages = {{"update", summaryJson(run.update_ms)}};
+  for (const char* name : kStages)
+    if (run.stage_ms.contains(name)) stages[name] = summaryJson(run.stage_ms.at(name));
+  return stages;
+}
+
+// The median over updates of the stages' sum over the wall time.
+Json stageSumShare(const FieldRun& run) {
+  std::vector<double> shares;
+  for (std::size_t i = 0; i < run.update_ms.size(); ++i) {
+    double sum = 0;
+    for (const auto& [name, times] : run.stage_ms) sum += i < times.size() ? times[i] : 0;
+    if (run.update_ms[i] > 0) shares.push_back(sum / run.update_ms[i]);
+  }
+  return shares.empty() ? Json(nullptr) : Json(medianOf(shares));
+}
+
+Json ratiosJson(const FieldRun& run, const Baselines& baselines, double rays) {
+  const BaselineTimes& times = baselines.times();
+  std::vector<double> resolve_ns = timesOf(run, "resolve");
+  for (double& ns : resolve_ns) ns *= 1e6 / rays;
+  return {{"trace_vs_bare", ratioJson(timesOf(run, "trace"), times.bare_ms)},
+          {"blend_vs_textbook",
+           ratioJson(timesOf(run, "blend"), times.textbook_blend_ms(), baselines.probeRatio())},
+          {"query_vs_textbook", ratioJson(times.query_ns, times.textbook_query_ns)},
+          {"resolve_vs_textbook_query", ratioJson(resolve_ns, times.textbook_query_ns)}};
+}
+
+Json baselinesJson(const Baselines& baselines) {
+  const BaselineTimes& times = baselines.times();
+  return {{"bare_trace", summaryJson(times.bare_ms)},
+          {"textbook_blend", summaryJson(times.textbook_blend_ms())},
+          {"textbook_blend_irradiance", summaryJson(times.textbook_irradiance_ms)},
+          {"textbook_blend_moments", summaryJson(times.textbook_moments_ms)},
+          {"textbook_query", summaryJson(times.textbook_query_ns, "ns")},
+          {"textbook", baselines.textbookJson()}};
+}
+
+Json describe(FieldSetup& setup, const FieldRun& run, const Baselines& baselines,
+              const Receivers& receivers, uint64_t seed) {
   const ProbeField& field = *setup.field;
-  const Receivers receivers = generateReceivers(setup.scene, setup.embree, setup.reachability,
-                                                kPoints, invocation.common.seed);
   const auto rays = static_cast<double>(field.workOfUpdate().rays);
-  const auto trace = run.field.stage_ms.find("trace");
-  const std::vector<double> trace_ms =
-      trace == run.field.stage_ms.end() ? std::vector<double>{} : trace->second;
-  Json stages = {{"update", summaryJson(run.field.update_ms)}};
-  for (const char* name : {"generate", "trace", "shade", "occlude", "resolve", "blend"})
-    if (run.field.stage_ms.contains(name)) stages[name] = summaryJson(run.field.stage_ms.at(name));
-  const Json speed = measureSpeed(*setup.field, run.field, receivers);
+  const double query_ns = medianOf(baselines.times().query_ns);
   return {{"scene", setup.scene.name},
           {"probes", field.probeCount()},
+          {"active_probes", field.states().activeCount()},
           {"rays", field.params().rays},
           {"params", setup.params.name},
-          {"updates", run.field.updates},
-          {"stages", stages},
-          {"baselines", {{"bare_trace", summaryJson(run.bare_ms)}}},
-          {"ratios", {{"trace_vs_bare", ratioJson(trace_ms, run.bare_ms)}}},
+          {"texels", {setup.params.irradiance_texels, setup.params.moment_texels}},
+          {"updates", run.updates},
+          {"stages", stagesJson(run)},
+          {"stage_sum_share", stageSumShare(run)},
+          {"baselines", baselinesJson(baselines)},
+          {"ratios", ratiosJson(run, baselines, rays)},
           {"rays_per_s",
-           {{"trace", raysPerSecond(rays, trace_ms)},
-            {"bare", raysPerSecond(rays, run.bare_ms)},
-            {"reference", measureReference(setup, receivers, invocation.common.seed)}}},
-          {"query_ns_per_point", speed["query_ns_per_point"]},
-          {"frame_ms", speed["frame_ms"]},
+           {{"trace", raysPerSecond(rays, timesOf(run, "trace"))},
+            {"bare", raysPerSecond(rays, baselines.times().bare_ms)},
+            {"reference", measureReference(setup, receivers, seed)}}},
+          {"query_ns_per_point", query_ns},
+          {"frame_ms", medianOf(run.update_ms) + query_ns * kFramePoints * 1e-6},
+          {"work", workJson(field.workOfUpdate())},
+          {"memory", memoryJson(field)},
+          {"ray_proxy", proxyJson(setup.proxy.get())},
+          {"sweep", nullptr},
           {"threads", setup.provenance.threads},
           {"device", setup.gpu.info().name},
           {"tracer", field.tracerName()}};
 }
 
-void printResult(const Json& r) {
-  fmt::print(
-      "{}",
-      formatFields(
-          {{"scene", r["scene"].get<std::string>()},
-           {"field", fmt::format("{} probes, {} rays, {}", r["probes"].get<int>(),
-                                 r["rays"].get<int>(), r["params"].get<std::string>())},
-           {"device", fmt::format("{}, tracer {}, {} threads", r["device"].get<std::string>(),
-                                  r["tracer"].get<std::string>(), r["threads"].get<int>())}}));
+std::string formatOptional(const Json& v) {
+  return v.is_null() ? std::string("-") : formatNumber(v.get<double>());
+}
+
+void printTimes(const Json& r) {
   TextTable table({"stage", "median ms", "p5 ms", "p95 ms"});
   const auto add = [&](const std::string& name, const Json& t) {
+    if (t.is_null()) return;
     table.addRow({name, formatNumber(t["median_ms"].get<double>()),
                   formatNumber(t["p5_ms"].get<double>()), formatNumber(t["p95_ms"].get<double>())});
   };
   for (const auto& [name, times] : r["stages"].items()) add(name, times);
-  add("bare trace", r["baselines"]["bare_trace"]);
+  for (const char* name :
+       {"bare_trace", "textbook_blend", "textbook_blend_irradiance", "textbook_blend_moments"})
+    add(name, r["baselines"][name]);
   fmt::print("\n{}\n", table.text());
-  const auto number = [](const Json& v) {
-    return v.is_null() ? std::string("-") : formatNumber(v.get<double>());
-  };
+}
+
+void printHead(const Json& r) {
+  std::vector<std::pair<std::string, std::string>> fields = {
+      {"scene", r["scene"].get<std::string>()},
+      {"field", fmt::format("{} probes, {} active, {} rays, {}; texels {} and {} a side",
+                            r["probes"].get<int>(), r["active_probes"].get<int>(),
+                            r["rays"].get<int>(), r["params"].get<std::string>(),
+                            r["texels"][0].get<int>(), r["texels"][1].get<int>())},
+      {"device", fmt::format("{}, tracer {}, {} threads", r["device"].get<std::string>(),
+                             r["tracer"].get<std::string>(), r["threads"].get<int>())}};
+  const Json& textbook = r["baselines"]["textbook"];
+  if (!textbook.is_null())
+    fields.insert(fields.begin() + 2,
+                  {"textbook", fmt::format("{} probes, {} rays, texels {} and {} a side, whatever "
+                                           "the parameters; blending is compared a probe",
+                                           textbook["probes"].dump(), textbook["rays"].dump(),
+                                           textbook["irradiance_texels"].dump(),
+                                           textbook["moment_texels"].dump())});
+  if (!r["ray_proxy"].is_null()) fields.emplace_back("ray proxy", formatProxy(r["ray_proxy"]));
+  fmt::print("{}", formatFields(fields));
+}
+
+void printResult(const Json& r) {
+  printHead(r);
+  printTimes(r);
   const auto mega = [&](const char* name) {
     const Json& v = r["rays_per_s"][name];
     return v.is_null() ? std::string("-") : formatNumber(v.get<double>() * 1e-6) + " Mray/s";
   };
+  const Json& ratios = r["ratios"];
+  const Json& query = r["baselines"]["textbook_query"];
   fmt::print(
       "{}",
-      formatFields({{"trace against bare", number(r["ratios"]["trace_vs_bare"])},
-                    {"trace", mega("trace")},
-                    {"bare loop", mega("bare")},
-                    {"reference", mega("reference") + ", shading and light included"},
-                    {"query", number(r["query_ns_per_point"]) + " ns a point"},
-                    {"frame", number(r["frame_ms"]) + " ms (an update and 1920 x 1080 queries)"}}));
+      formatFields(
+          {{"trace against bare", formatOptional(ratios["trace_vs_bare"])},
+           {"blend against textbook", formatOptional(ratios["blend_vs_textbook"])},
+           {"query against textbook", formatOptional(ratios["query_vs_textbook"])},
+           {"resolve against it",
+            formatOptional(ratios["resolve_vs_textbook_query"]) + ", a ray against a query"},
+           {"stages over wall time", formatOptional(r["stage_sum_share"])},
+           {"trace", mega("trace")},
+           {"bare loop", mega("bare")},
+           {"reference", mega("reference") + ", shading and light included"},
+           {"query", formatOptional(r["query_ns_per_point"]) + " ns a point, the textbook's " +
+                         (query.is_null() ? "-" : formatOptional(query["median_ns"]))},
+           {"frame", formatOptional(r["frame_ms"]) + " ms (an update and 1920 x 1080 queries)"},
+           {"work",
+            fmt::format("{} rays, {} shadow rays, {} products of texel and ray, {} taps",
+                        r["work"]["rays"].dump(), r["work"]["shadow_rays"].dump(),
+                        r["work"]["texel_ray_products"].dump(), r["work"]["resolve_taps"].dump())},
+           {"memory", fmt::format("{} bytes of texels a probe, {} in all",
+                                  r["memory"]["atlas_per_probe"].dump(),
+                                  formatBytes(r["memory"]["atlas"].get<double>()))}}));
+  if (!r["sweep"].is_null()) fmt::print("{}", formatSweep(r["sweep"]));
 }
 
 void runBench(const BenchOptions& options, const Invocation& invocation) {
   FieldSetup setup(options.scene, options.field, invocation);
-  const BenchRun run = runUpdates(setup, options.field, invocation);
-  Json result = describe(setup, run, invocation);
+  const uint64_t seed = invocation.common.seed;
+  const Receivers receivers =
+      generateReceivers(setup.scene, setup.embree, setup.reachability, kPoints, seed);
+  Baselines baselines(setup, timedPoints(receivers));
+  if (!baselines.whyNoTextbook().empty())
+    note(invocation, "warning: no textbook baseline: {}", baselines.whyNoTextbook());
+  const FieldRun run = runUpdates(setup, baselines, options.field, invocation);
+  Json result = describe(setup, run, baselines, receivers, seed);
+  if (options.sweep) result["sweep"] = runSweep(setup, setup.params, options.field, invocation);
   result["provenance"] = toJson(setup.provenance);
   requireNoValidationMessages(setup.gpu);
   reportResult(invocation, result, [&] { printResult(result); });
@@ -173,7 +252,9 @@ void addBenchCommand(Program& program) {
   options->field.mode = "temporal";
   options->field.updates = kDefaultUpdates;
   CLI::App& app = program.addCommand(
-      "bench", "times of every stage of an update, next to a bare ray loop in the same run",
+      "bench",
+      "times of every stage of an update, next to baselines in the same run: a bare ray loop, the "
+      "textbook's blending and query",
       "probelab bench scenes/pillar_hall/scene.toml --require 'ratios.trace_vs_bare>=0.8'",
       [options](const Invocation& invocation) { runBench(*options, invocation); });
   addSceneOptions(app, options->scene, false);
@@ -185,6 +266,10 @@ void addBenchCommand(Program& program) {
       ->type_name("N")
       ->check(checkPositiveInteger)
       ->default_str(std::to_string(kDefaultUpdates))
+      ->group("Field");
+  app.add_flag("--sweep", options->sweep,
+               "also time updates of 256 to 32,768 probes and of 16 to 1,024 rays, and fit lines "
+               "(a minute or two)")
       ->group("Field");
 }
 

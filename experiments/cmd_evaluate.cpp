@@ -29,13 +29,6 @@ struct EvaluateOptions {
   std::string receivers, split = "heldout", dump, dump_field, ablation;
 };
 
-Json workJson(const WorkCounts& work) {
-  return {{"rays", work.rays},
-          {"shadow_rays", work.shadow_rays},
-          {"texel_ray_products", work.texel_ray_products},
-          {"resolve_taps", work.resolve_taps}};
-}
-
 Json convergedJson(const std::optional<ConvergeReport>& report) {
   if (!report) return nullptr;
   return {{"burn_in_updates", report->burn_in_updates}, {"mixing_updates", report->mixing_updates},

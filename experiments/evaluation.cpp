@@ -133,6 +133,13 @@ Json memoryJson(const ProbeField& field) {
           {"atlas_per_probe", atlasBytesPerProbe(field.params())}};
 }
 
+Json workJson(const WorkCounts& work) {
+  return {{"rays", work.rays},
+          {"shadow_rays", work.shadow_rays},
+          {"texel_ray_products", work.texel_ray_products},
+          {"resolve_taps", work.resolve_taps}};
+}
+
 Json stabilityJson(const Counters& before, const Counters& after) {
   return {{"non_finite", after.non_finite_rays},
           {"clamped", after.clamped_texels},

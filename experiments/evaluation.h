@@ -36,6 +36,9 @@ Json toJson(const ErrorReport& report);
 // "memory": bytes.
 Json memoryJson(const ProbeField& field);
 
+// "work": of an update.
+Json workJson(const WorkCounts& work);
+
 // "stability": rays and texels of all updates; queries at the receivers (`before` and `after`
 // them), and apart from these the updates' own bounce queries.
 Json stabilityJson(const Counters& before, const Counters& after);

@@ -56,6 +56,10 @@ struct FieldSetup : SceneSetup {
   std::unique_ptr<ProxySetup> proxy;  // empty without --ray-proxy
   std::unique_ptr<ProbeField> field;
 
+  // What probe rays see.
+  const Scene& probeScene() const { return proxy ? proxy->proxy.scene : scene; }
+  const EmbreeScene& probeEmbree() const { return proxy ? proxy->embree : embree; }
+
  private:
   FieldSetup(Params wanted, const SceneOptions& scene_options, const FieldOptions& options,
              const Invocation& invocation);
