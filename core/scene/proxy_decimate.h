@@ -15,6 +15,7 @@ namespace probelab {
 struct DecimateSettings {
   double max_error_m = 0;                      // tolerance of ModHausdorff and of textures
   double normal_turn_rad = 0;                  // of shading normals
+  double max_edge_m = 0;                       // of a triangle that changes
   const TriangleDistance* original = nullptr;  // the patch's triangles, not to be left
   bool uv0 = false, uv1 = false;  // texture coordinates that the patch's material reads
 };

@@ -13,11 +13,14 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMaxValence = 32;
 constexpr double kMinShape = 1.0 / 400;
 
+double longestEdge(const TrianglePoints& t) {
+  return std::max({length(t[1] - t[0]), length(t[2] - t[0]), length(t[2] - t[1])});
+}
+
 // Twice the area over the longest edge squared: the height over that edge.
 double shape(const TrianglePoints& t) {
-  const Vec3d a = t[1] - t[0], b = t[2] - t[0], c = t[2] - t[1];
-  const double longest = std::max({dot(a, a), dot(b, b), dot(c, c)});
-  return longest > 0 ? length(cross(a, b)) / longest : 0;
+  const double longest = longestEdge(t);
+  return longest > 0 ? length(cross(t[1] - t[0], t[2] - t[0])) / (longest * longest) : 0;
 }
 
 Vec3d weigh(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec2d& weights) {
@@ -99,7 +102,8 @@ bool ProxyAttributes::moveFace(const ProxyCollapse& collapse, int face, uint32_t
     moved.points[k] = toVec(collapse.p1);
     moved.slot = k;
   }
-  return shape(moved.points) >= std::min(kMinShape, shape(before));
+  return shape(moved.points) >= std::min(kMinShape, shape(before)) &&
+         longestEdge(moved.points) <= std::max(settings_.max_edge_m, longestEdge(before));
 }
 
 // Edges at v0 where the faces on both sides disagree about the attributes of an end.

@@ -167,8 +167,13 @@ void decimatePart(const Build& build, Part& part) {
   const double slack_m = 1e-9 * static_cast<double>(geometry.box.diagonal());
   constexpr int kAttempts = 4;
   const ProxyErrorMeter meter(geometry, before);
-  DecimateSettings settings{build.options.max_error_m, build.options.max_normal_turn_rad,
-                            &meter.original(), uv.first, uv.second};
+  DecimateSettings settings{
+      build.options.max_error_m,
+      build.options.max_normal_turn_rad,
+      build.options.max_edge_share * static_cast<double>(geometry.box.diagonal()),
+      &meter.original(),
+      uv.first,
+      uv.second};
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     part.after = decimatePatch(geometry, patch, corners, settings);
     const std::vector<Corners> faces = remaining(part.after);
@@ -267,6 +272,9 @@ void checkOptions(const Scene& scene, const RayProxyOptions& options) {
   if (!(options.max_error_m >= 0) || !std::isfinite(options.max_error_m))
     throwInput("ray proxy: the error bound of {} m is not a length; give metres, 0 or more",
                options.max_error_m);
+  for (const double option :
+       {options.max_normal_turn_rad, options.max_edge_share, options.max_emitter_area_change})
+    if (!(option >= 0)) throwInput("ray proxy: an option of {} must be 0 or more", option);
   for (const Triangle& t : scene.geometry->triangles)
     if (t.material >= scene.materials.size())
       throwInput("ray proxy: material {} of a triangle does not exist", t.material);

@@ -7,6 +7,7 @@
 
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <map>
 #include <set>
 #include <tuple>
@@ -109,6 +110,7 @@ void oneMesh(SceneBuilder& builder, const std::string& name) {
 RayProxy proxyOf(const Scene& scene, double max_error_m) {
   RayProxyOptions options;
   options.max_error_m = max_error_m;
+  options.max_edge_share = std::numeric_limits<double>::infinity();
   return makeRayProxy(scene, options);
 }
 
@@ -184,6 +186,24 @@ TEST(RayProxy, ACoarseBoxKeepsItsShape) {
 
 // Blocks on a floor in one piece, in quads so coarse that a whole side is within reach of one
 // collapse: flaps from floor to top pass every test at the vertices that go.
+TEST(RayProxy, NewEdgesAreNoLongerThanTheirBound) {
+  SceneBuilder builder;
+  addBox(builder, 30, builder.material(Vec3f(0.5f)), Vec3f(1));
+  const Scene scene = builder.finish();  // edges of 0.047 m, a diagonal of 1.73 m
+  RayProxyOptions options;
+  options.max_error_m = 0.005;
+  options.max_edge_share = 0.1;
+  const RayProxy proxy = makeRayProxy(scene, options);
+  double longest = 0;
+  for (std::size_t t = 0; t < proxy.scene.geometry->triangles.size(); ++t)
+    for (int k = 0; k < 3; ++k)
+      longest = std::max(longest, length(corner(*proxy.scene.geometry, t, (k + 1) % 3) -
+                                         corner(*proxy.scene.geometry, t, k)));
+  EXPECT_LE(longest, 0.17321);
+  EXPECT_GT(longest, 0.12);
+  EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 3);
+}
+
 TEST(RayProxy, BlocksOnAFloorKeepTheirShape) {
   SceneBuilder builder;
   const uint32_t m = builder.material(Vec3f(0.5f));

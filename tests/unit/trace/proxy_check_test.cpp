@@ -78,6 +78,7 @@ TEST(ProxyCheck, AWallOfTwoCentimetresLetsNoRayThrough) {
   EXPECT_LE(bound, 0.005);
   EXPECT_GT(bound, 0.0035);  // where the faces are steepest they are nearer than along z
   RayProxyOptions options;
+  options.max_edge_share = 1;
   options.max_error_m = bound;
   const RayProxy proxy = makeRayProxy(scene, options);
   EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 3);
@@ -154,6 +155,7 @@ TEST(ProxyCheck, TheSeamBetweenTwoMaterialsStaysTight) {
   addSheet(builder, n, b, [&](float u, float v) { return wave(1 + u, v); });
   const Scene scene = builder.finish();
   RayProxyOptions options;
+  options.max_edge_share = 1;
   options.max_error_m = 0.01;
   const RayProxy proxy = makeRayProxy(scene, options);
   EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before / 4);
@@ -187,6 +189,7 @@ TEST(ProxyCheck, DegenerateScenesAreSurvived) {
 TEST(ProxyCheck, TheSameAgain) {
   const Scene scene = wavyWall(0.05f);
   RayProxyOptions options;
+  options.max_edge_share = 1;
   options.max_error_m = 0.01;
   const RayProxy proxy = makeRayProxy(scene, options);
   const ProxyCheck a = check(scene, proxy.scene, 0.01, 2000);
@@ -204,6 +207,7 @@ TEST(ProxyCheck, ShippedScenesHaveProxiesThatDoNotLeak) {
     SCOPED_TRACE(name);
     const Scene scene = loadScene(std::string(PROBELAB_SOURCE_DIR) + "/scenes/" + name + ".toml");
     RayProxyOptions options;
+    options.max_edge_share = 1;
     options.max_error_m = proxyErrorBound(0.01, wallOf(scene));
     const RayProxy proxy = makeRayProxy(scene, options);
     EXPECT_LT(proxy.report.triangles_after, proxy.report.triangles_before);
