@@ -8,16 +8,23 @@
 #include <nlohmann/json.hpp>
 
 #include "commands.h"
+#include "field_options.h"
 #include "json.h"
 #include "program.h"
 #include "provenance.h"
 #include "require.h"
 #include "scene/load.h"
 #include "scene_check.h"
+#include "shader_report.h"
 #include "table.h"
 
 namespace probelab {
 namespace {
+
+struct CheckOptions {
+  std::string scene;
+  FieldOptions field;  // its parameters: what the shaders are specialised to
+};
 
 Json toJson(const Vec3d& v) { return {v.x, v.y, v.z}; }
 Json toJson(const Box3d& box) { return {{"min", toJson(box.min)}, {"max", toJson(box.max)}}; }
@@ -210,15 +217,18 @@ void printScene(const Json& json) {
                         {"duplicate", json["mesh"]["duplicate_triangles"].dump() + " triangles"}}));
   printMeshes(json["mesh"]);
   printRegions(json["regions"]);
+  fmt::print("\nShaders\n{}", formatShaders(json["shaders"]));
   if (json["warnings"].empty()) return;
   fmt::print("\nWarnings\n");
   for (const Json& warning : json["warnings"]) fmt::print("- {}\n", warning.get<std::string>());
 }
 
-void runCheck(const std::string& path, const Invocation& invocation) {
-  const Scene scene = loadScene(path);
+void runCheck(const CheckOptions& options, const Invocation& invocation) {
+  const Params params = resolveParams(options.field);
+  const Scene scene = loadScene(options.scene);
   const EmbreeScene embree(scene);
   Json json = describeScene(scene, checkScene(scene, embree));
+  json["shaders"] = shaderReport(scene, params);
   json["provenance"] = toJson(makeProvenance(invocation, scene));
   reportResult(invocation, json, [&] { printScene(json); });
 }
@@ -226,12 +236,13 @@ void runCheck(const std::string& path, const Invocation& invocation) {
 }  // namespace
 
 void addCheckCommand(Program& program) {
-  auto scene = std::make_shared<std::string>();
+  auto options = std::make_shared<CheckOptions>();
   CLI::App& app = program.addCommand(
-      "check", "mesh report, features in use, thinnest wall, free space, suggested volume",
+      "check", "mesh report, features in use, thinnest wall, free space, suggested volume, shaders",
       "probelab check scenes/two_rooms_door/scene.toml",
-      [scene](const Invocation& invocation) { runCheck(*scene, invocation); });
-  addSceneArgument(app, *scene);
+      [options](const Invocation& invocation) { runCheck(*options, invocation); });
+  addSceneArgument(app, options->scene);
+  addParamsOptions(app, options->field);
 }
 
 }  // namespace probelab

@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -12,6 +13,7 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "commands.h"
+#include "field_setup.h"
 #include "gpu/context.h"
 #include "json.h"
 #include "program.h"
@@ -114,7 +116,51 @@ void printInfo(const Json& json) {
   }
 }
 
-void runInfo(const Invocation& invocation) {
+std::string valueText(const Json& value) {
+  return value.is_string() ? value.get<std::string>() : value.dump();
+}
+
+// {"params": [{key, unit, range, advice, presets {name: value}}]}.
+Json describeParameters() {
+  std::vector<std::pair<std::string, Json>> presets;
+  for (const std::string& name : presetNames())
+    presets.emplace_back(name, toJson(loadParams(name)));
+  Json params = Json::array();
+  for (const ParamInfo& info : paramTable()) {
+    Json values = Json::object();
+    for (const auto& [name, values_of] : presets) values[name] = values_of[info.key];
+    params.push_back({{"key", info.key},
+                      {"unit", info.unit},
+                      {"range", info.range},
+                      {"advice", info.advice},
+                      {"presets", values}});
+  }
+  return {{"params", params}};
+}
+
+void printParameters(const Json& json) {
+  std::vector<std::string> header = {"parameter"};
+  for (const std::string& name : presetNames()) header.push_back(name);
+  TextTable table(header);
+  for (const Json& p : json["params"]) {
+    std::vector<std::string> row = {p["key"].get<std::string>()};
+    for (const auto& [name, value] : p["presets"].items()) row.push_back(valueText(value));
+    table.addRow(row);
+  }
+  fmt::print("Presets (--params NAME)\n{}\nParameters (--set KEY=VALUE)\n", table.text());
+  for (const Json& p : json["params"]) {
+    const std::string unit = p["unit"].get<std::string>();
+    fmt::print("{}{}: {}\n    {}\n", p["key"].get<std::string>(),
+               unit.empty() ? "" : fmt::format(" [{}]", unit), p["range"].get<std::string>(),
+               p["advice"].get<std::string>());
+  }
+}
+
+void runInfo(bool params, const Invocation& invocation) {
+  if (params) {
+    const Json json = describeParameters();
+    return reportResult(invocation, json, [&] { printParameters(json); });
+  }
   const std::vector<DeviceInfo> devices = listDevices();
   const DeviceChoice choice = choose(devices, invocation.common.device);
   const Json json = describe(devices, choice);
@@ -125,8 +171,15 @@ void runInfo(const Invocation& invocation) {
 }  // namespace
 
 void addInfoCommand(Program& program) {
-  program.addCommand("info", "devices, their features, tracers and versions",
-                     "probelab info --json", runInfo);
+  auto params = std::make_shared<bool>(false);
+  CLI::App& app =
+      program.addCommand("info", "devices, their features, tracers and versions; all parameters",
+                         "probelab info --params",
+                         [params](const Invocation& invocation) { runInfo(*params, invocation); });
+  app.add_flag("--params", *params,
+               "instead: every parameter of a field with unit, range, when to change it, and its "
+               "value in each preset")
+      ->group("Output");
 }
 
 }  // namespace probelab

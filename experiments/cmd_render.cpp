@@ -14,6 +14,7 @@
 #include "compare_images.h"
 #include "ddgi/render.h"
 #include "device.h"
+#include "evaluation.h"
 #include "field_setup.h"
 #include "image/exr.h"
 #include "image/png.h"
@@ -105,7 +106,12 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
                  {"params", setup.params.name},
                  {"strategy", setup.field->layout().strategy},
                  {"probes", setup.field->probeCount()},
+                 {"active_probes", setup.field->states().activeCount()},
                  {"updates", run.updates},
+                 {"stopped_early", run.stopped_early},
+                 {"memory", memoryJson(*setup.field)},
+                 {"state_ms", setup.field->stateStages()},
+                 {"ray_proxy", proxyJson(setup.proxy.get())},
                  {"comparison", nullptr}};
   if (reference) result["comparison"] = compareImages(image, *reference, {});
   const Image& radiance = reference ? reference->image() : image.image();
@@ -117,9 +123,17 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
   writePng(picture, toneMap(image.image(), {.exposure_stops = exposure}));
   note(invocation, "wrote {} and {}", options.output, picture.string());
   reportResult(invocation, result, [&] {
-    fmt::print("{}", formatFields({{"probes", fmt::format("{}", setup.field->probeCount())},
-                                   {"parameters", setup.params.name},
-                                   {"updates", fmt::format("{}", run.updates)}}));
+    fmt::print(
+        "{}",
+        formatFields({{"probes", fmt::format("{} stored, {} active", setup.field->probeCount(),
+                                             setup.field->states().activeCount())},
+                      {"memory",
+                       fmt::format("{} bytes of texels a probe", atlasBytesPerProbe(setup.params))},
+                      {"parameters", setup.params.name},
+                      {"updates", fmt::format("{}{}", run.updates,
+                                              run.stopped_early ? ", stopped early" : "")}}));
+    if (setup.proxy)
+      fmt::print("{}", formatFields({{"ray proxy", formatProxy(result["ray_proxy"])}}));
     if (reference) fmt::print("\n{}", formatImageErrors(result["comparison"]));
   });
 }
