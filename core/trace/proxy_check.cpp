@@ -17,7 +17,7 @@ namespace probelab {
 namespace {
 
 constexpr uint32_t kPointsPerMesh = 64;
-constexpr float kClearanceMargins = 2, kDepthMargins = 8;
+constexpr float kClearanceMargins = 2, kDepthMargins = 6, kLeastCosine = 0.35f;
 
 struct Point {
   uint32_t triangle;
@@ -99,7 +99,7 @@ class Checker {
   float freeDistance(const Vec3f& from, const Vec3f& direction) const;
   float depthBehind(const BoundedPoint& at, const Vec3f& normal, const Vec3f& inward,
                     float share) const;
-  bool blockedAt(const Segment& segment, float& distance) const;
+  bool blockedAt(const Segment& segment, float& distance, float& cosine) const;
 
   const Scene& scene_;
   const EmbreeScene& embree_;
@@ -150,13 +150,16 @@ Crossing Checker::crossingAt(const Point& point, Rng rng) const {
   return crossing;
 }
 
-// Whether the scene blocks the segment, and at which distance from its start first.
-bool Checker::blockedAt(const Segment& segment, float& distance) const {
+// Whether the scene blocks the segment, and at which distance from its start first; `cosine` falls
+// to that of the angle to the face's normal.
+bool Checker::blockedAt(const Segment& segment, float& distance, float& cosine) const {
   const Vec3f way = segment.to - segment.from;
   const float size = length(way);
   const Hit hit = embree_.closest(Ray{segment.from, 0, way / size, size});
   distance = hit.t;
-  return hit.primitive != kNoHit;
+  if (hit.primitive == kNoHit) return false;
+  cosine = std::min(cosine, std::abs(dot(faceNormal(*scene_.geometry, hit.primitive), way / size)));
+  return true;
 }
 
 Passage Checker::passage(const Segment& segment) const {
@@ -165,22 +168,22 @@ Passage Checker::passage(const Segment& segment) const {
   if (!(size > 2 * kClearanceMargins * margin_)) return Passage::untested;
   const Frame frame = frameAround(way / size);
   int blocked = 0;
-  float nearest = kFarDistance, farthest = 0, clearance = kFarDistance;
+  float nearest = kFarDistance, farthest = 0, clearance = kFarDistance, cosine = 1;
   for (int i = -1; i < 8; ++i) {
     const float angle = std::numbers::pi_v<float> / 4 * static_cast<float>(i);
     const Vec3f aside =
         i < 0 ? Vec3f() : (frame.x * std::cos(angle) + frame.y * std::sin(angle)) * margin_;
     float distance = 0, back = 0;
-    if (blockedAt({segment.from + aside, segment.to + aside}, distance)) {
+    if (blockedAt({segment.from + aside, segment.to + aside}, distance, cosine)) {
       ++blocked;
-      blockedAt({segment.to + aside, segment.from + aside}, back);
+      blockedAt({segment.to + aside, segment.from + aside}, back, cosine);
       nearest = std::min(nearest, distance), farthest = std::max(farthest, distance);
       clearance = std::min({clearance, distance, back});
     }
     if (blocked != 0 && blocked != i + 2) return Passage::untested;
   }
   if (blocked == 0) return Passage::free;
-  const bool clear = clearance >= kClearanceMargins * margin_;
+  const bool clear = clearance >= kClearanceMargins * margin_ && cosine >= kLeastCosine;
   return clear && farthest - nearest <= kDepthMargins * margin_ ? Passage::blocked
                                                                 : Passage::untested;
 }
