@@ -20,8 +20,8 @@ struct ProxyCheckOptions {
 // It is *blocked* when the scene blocks all nine, at distances from their starts that differ by at
 // most 6 margins, nowhere at a grazing angle (the first face from either end at most 69 degrees off
 // its normal), and no triangle is within 2 margins of their ends along them: it passes a wall by
-// more than the bound wherever the wall may have moved to, not the outlines of two things. A blocked segment that the proxy lets
-// pass is a leak.
+// more than the bound wherever the wall may have moved to, not the outlines of two things. A
+// blocked segment that the proxy lets pass is a leak.
 // It is *free* when the scene blocks none of the nine. A free segment that the proxy blocks is a
 // false wall; a detail narrower than the margin can make a few in a good proxy.
 // All others (borders, corners, narrow gaps) are not tested.
