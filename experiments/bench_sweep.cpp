@@ -16,8 +16,8 @@
 namespace probelab {
 namespace {
 
-constexpr int kFewestProbes = 256, kMostProbes = 32768, kRaysOfProbes = 64;
-constexpr int kFewestRays = 16, kMostRays = 1024, kProbesOfRays = 512;
+constexpr int kFewestProbes = 256, kRaysOfProbes = 64;
+constexpr int kFewestRays = 16, kProbesOfRays = 512, kProbesARay = 32;
 constexpr int kRounds = 7;
 constexpr const char* kStages[] = {"update",  "generate", "trace", "shade",
                                    "occlude", "resolve",  "blend"};
@@ -32,15 +32,16 @@ struct SizeTimes {
   std::map<std::string, std::vector<double>> ms;
 };
 
-std::vector<Size> probeSizes() {
+std::vector<Size> probeSizes(int most_probes) {
   std::vector<Size> sizes;
-  for (int n = kFewestProbes; n <= kMostProbes; n *= 2) sizes.push_back({n, kRaysOfProbes});
+  for (int n = kFewestProbes; n <= most_probes; n *= 2) sizes.push_back({n, kRaysOfProbes});
   return sizes;
 }
 
-std::vector<Size> raySizes() {
+std::vector<Size> raySizes(int most_probes) {
   std::vector<Size> sizes;
-  for (int n = kFewestRays; n <= kMostRays; n *= 2) sizes.push_back({kProbesOfRays, n});
+  for (int n = kFewestRays; n <= most_probes / kProbesARay; n *= 2)
+    sizes.push_back({kProbesOfRays, n});
   return sizes;
 }
 
@@ -150,11 +151,11 @@ LineFit fitLine(std::span<const double> x, std::span<const double> y) {
   return fit;
 }
 
-Json runSweep(SceneSetup& setup, const Params& params, const FieldOptions& options,
+Json runSweep(SceneSetup& setup, const Params& params, const FieldOptions& options, int most_probes,
               const Invocation& invocation) {
-  const auto probes = timeSizes(setup, params, options, probeSizes(), invocation);
+  const auto probes = timeSizes(setup, params, options, probeSizes(most_probes), invocation);
   Json result = {{"probes", sweepJson(probes, true)}};
-  const auto rays = timeSizes(setup, params, options, raySizes(), invocation);
+  const auto rays = timeSizes(setup, params, options, raySizes(most_probes), invocation);
   result["rays"] = sweepJson(rays, false);
   return result;
 }

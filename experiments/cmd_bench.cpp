@@ -25,6 +25,7 @@ namespace {
 constexpr int kDefaultUpdates = 20;
 constexpr int kDefaultProbes = 2048;  // 16 x 8 x 16
 constexpr int kDefaultRays = 128;
+constexpr int kSweepProbes = 32768, kFewestSweepProbes = 2048;
 constexpr uint32_t kPoints = 4096;  // receivers for the query and the reference
 constexpr uint32_t kReferenceSamples = 64;
 constexpr double kFramePoints = 1920 * 1080;
@@ -35,6 +36,7 @@ struct BenchOptions {
   SceneOptions scene{.scene = "scenes/pillar_hall/scene.toml", .state = "", .camera = ""};
   FieldOptions field;
   bool sweep = false;
+  int sweep_probes = kSweepProbes;
 };
 
 // The updates, each followed by all baselines, so that whatever else the machine does meets all.
@@ -237,7 +239,9 @@ void runBench(const BenchOptions& options, const Invocation& invocation) {
     note(invocation, "warning: no textbook baseline: {}", baselines.whyNoTextbook());
   const FieldRun run = runUpdates(setup, baselines, options.field, invocation);
   Json result = describe(setup, run, baselines, receivers, seed);
-  if (options.sweep) result["sweep"] = runSweep(setup, setup.params, options.field, invocation);
+  if (options.sweep)
+    result["sweep"] =
+        runSweep(setup, setup.params, options.field, options.sweep_probes, invocation);
   result["provenance"] = toJson(setup.provenance);
   requireNoValidationMessages(setup.gpu);
   reportResult(invocation, result, [&] { printResult(result); });
@@ -268,8 +272,14 @@ void addBenchCommand(Program& program) {
       ->default_str(std::to_string(kDefaultUpdates))
       ->group("Field");
   app.add_flag("--sweep", options->sweep,
-               "also time updates of 256 to 32,768 probes and of 16 to 1,024 rays, and fit lines "
+               "also time updates of 256 probes and more and of 16 to 1,024 rays, and fit lines "
                "(a minute or two)")
+      ->group("Field");
+  app.add_option("--sweep-probes", options->sweep_probes,
+                 "where --sweep ends; its rays end at a 32nd of it")
+      ->type_name("N")
+      ->check(CLI::Range(kFewestSweepProbes, 1 << 20).description(""))
+      ->capture_default_str()
       ->group("Field");
 }
 

@@ -101,6 +101,19 @@ void printSpeed(const Json& speed) {
                                                       "  (once, before the first update)"}}));
 }
 
+// The result's names before there is one.
+Json outlineOf(const EvaluateOptions& options, FieldSetup& setup) {
+  FieldRun run;
+  const bool temporal = options.field.mode == "temporal";
+  if (!temporal) run.converged = ConvergeReport{};
+  Json outline = describe(options, setup, run);
+  outline.update(scoreOutline());
+  outline["receivers"] = receiversJson(options, {}, false);
+  if (temporal) outline["temporal"] = Json::object();
+  outline["provenance"] = toJson(setup.provenance);
+  return outline;
+}
+
 std::string formatRun(const Json& r) {
   const std::string text =
       fmt::format("{}, {} updates", r["mode"].get<std::string>(), r["updates"].get<int>());
@@ -212,6 +225,7 @@ void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   if (!options.dump.empty()) checkOutput(options.dump, ".csv");
   if (!options.dump_field.empty()) checkDumpFolder(options.dump_field);
   FieldSetup setup(options.scene, options.field, invocation);
+  checkRequirementNames(invocation.common.require, outlineOf(options, setup));
   const Truth truth = loadTruth(options, setup, invocation);
   ProbeField& field = *setup.field;
   const bool temporal = options.field.mode == "temporal";

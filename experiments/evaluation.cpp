@@ -15,6 +15,8 @@ namespace {
 
 constexpr std::size_t kTimedPoints = 65536;  // enough that the dispatch itself does not count
 constexpr int kTimedQueries = 9;
+constexpr const char* kSpeedStages[] = {"generate", "trace",   "shade",
+                                        "occlude",  "resolve", "blend"};
 constexpr std::size_t kFlickerWindow = 32;
 
 std::vector<QueryPoint> queryPoints(const Receivers& receivers) {
@@ -175,7 +177,7 @@ Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& recei
   };
   const double update_ms = add("update_ms", summarizeTimes(afterWarmUp(run.update_ms)), 1);
   double trace_ms = 0;
-  for (const char* stage : {"generate", "trace", "shade", "occlude", "resolve", "blend"}) {
+  for (const char* stage : kSpeedStages) {
     const auto found = run.stage_ms.find(stage);
     const TimeSummary times =
         found == run.stage_ms.end() ? TimeSummary{} : summarizeTimes(afterWarmUp(found->second));
@@ -197,6 +199,18 @@ Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& recei
       speed["state_ms"][stage] = field.stateStages().at(stage);
   speed["spread"] = spread;
   return speed;
+}
+
+Json scoreOutline() {
+  ErrorReport report;
+  report.surface = report.volume = ErrorMetrics{};
+  report.surface_noise_floor = report.volume_noise_floor = ErrorMetrics{};
+  Json speed = {{"update_ms", nullptr}};
+  for (const char* stage : kSpeedStages) speed[std::string(stage) + "_ms"] = nullptr;
+  speed["query_ns_per_point"] = speed["frame_ms"] = speed["rays_per_s"] = nullptr;
+  speed["state_ms"] = Json::object();
+  speed["spread"] = Json::object();
+  return {{"error", toJson(report)}, {"stability", stabilityJson({}, {})}, {"speed", speed}};
 }
 
 std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,

@@ -48,6 +48,10 @@ std::vector<QueryPoint> timedPoints(const Receivers& receivers);
 
 Json measureSpeed(ProbeField& field, const FieldRun& run, const Receivers& receivers);
 
+// The names of measureSpeed, toJson(ErrorReport) and stabilityJson without numbers, for
+// checkRequirementNames.
+Json scoreOutline();
+
 // CSV: index,x,y,z,nx,ny,nz,kind,region,split,area,est_r..b,a_r..b,b_r..b in world coordinates.
 std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
                             const Scene& scene);

@@ -84,6 +84,20 @@ double measuredValue(const std::string& name, const Json& result) {
   throwInput("--require: the result has no number '{}'{}", name, suggestion(name, names));
 }
 
+// Whether the dotted path leads to a value of the outline, or below an empty part of it.
+bool isInOutline(const std::string& path, const Json& outline) {
+  if (outline.is_object() || outline.is_array()) {
+    if (outline.empty()) return true;
+    const std::size_t dot = path.find('.');
+    const std::string key = path.substr(0, dot);
+    const std::string rest = dot == std::string::npos ? "" : path.substr(dot + 1);
+    for (const auto& [name, value] : outline.items())
+      if (name == key && isInOutline(rest, value)) return true;
+    return false;
+  }
+  return path.empty() && !outline.is_string();
+}
+
 }  // namespace
 
 Requirement parseRequirement(const std::string& text) {
@@ -129,6 +143,20 @@ void checkRequirements(const std::vector<std::string>& texts, const Json& result
   }
   if (!failures.empty())
     throw RequirementNotMet(fmt::format("not met: {}", fmt::join(failures, "; ")));
+}
+
+void checkRequirementNames(const std::vector<std::string>& texts, const Json& outline) {
+  for (const std::string& text : texts) {
+    const std::string name = parseRequirement(text).name;
+    bool known = false;
+    for (const char* section : kSections) known = known || isInOutline(section + name, outline);
+    if (known) continue;
+    std::vector<std::pair<std::string, Json>> values;
+    flatten(outline, "", values);
+    std::vector<std::string> names;
+    for (const auto& [path, value] : values) names.push_back(shortName(path));
+    throwInput("--require: the result has no number '{}'{}", name, suggestion(name, names));
+  }
 }
 
 void reportResult(const Invocation& invocation, const Json& result,

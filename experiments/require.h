@@ -42,6 +42,11 @@ void addRequireOption(CLI::App& app, std::vector<std::string>& texts);
 // from the root, then in "error" and in "speed".
 void checkRequirements(const std::vector<std::string>& texts, const Json& result);
 
+// Before the work: throws InputError for a name that no result with this outline can have. The
+// outline has the names of the result; values do not matter, and below an empty object or array any
+// name may come.
+void checkRequirementNames(const std::vector<std::string>& texts, const Json& outline);
+
 // The end of every command: prints the result on stdout, as JSON or by `print_text`, and holds it
 // to
 // --require.

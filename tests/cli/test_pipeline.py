@@ -43,10 +43,19 @@ class States(RoomTest):
         self.assertEqual(result["memory_bytes"], memory["atlas"] + memory["state_and_index"])
 
     def test_fallbacks_by_what_answered(self):
-        stability = self.evaluate()["stability"]
-        self.assertEqual(stability["fallback_queries"],
-                         stability["unoccluded_answers"] + stability["nearest_answers"] +
-                         stability["empty_answers"])
+        # Receivers in the middle of the air have no active probe around them.
+        counts = {}
+        for fallback in ("none", "nearest"):
+            counts[fallback] = self.evaluate(
+                "--set", "classification=near_surface", "--set", f"fallback={fallback}",
+                field=("--probes", 1000, "--rays", 16, "--updates", 1))["stability"]
+        none, nearest = counts["none"], counts["nearest"]
+        self.assertGreater(none["fallback_queries"], 0)
+        self.assertEqual(none["empty_answers"], none["fallback_queries"])
+        self.assertEqual(nearest["empty_answers"], 0)
+        self.assertGreater(nearest["nearest_answers"], 0)
+        self.assertEqual(nearest["nearest_answers"] + nearest["unoccluded_answers"],
+                         nearest["fallback_queries"])
 
     def test_a_temporal_run_stops_when_it_is_still(self):
         field = ("--probes", 27, "--rays", 32, "--mode", "temporal", "--updates", 60)
@@ -59,6 +68,34 @@ class States(RoomTest):
         text = self.run_ok("evaluate", "room.glb", *field, *TRUTH, "--set",
                            "variability_threshold=0.05").stdout
         self.assertIn(f"stopped early at {still['updates']}", text)
+
+
+class Requirements(RoomTest):
+    def test_names_are_checked_before_the_work(self):
+        # A truth that would take hours: only a check before it comes back.
+        slow = ("--count", 100000, "--spp", 1000000, "--cache", "cache")
+        for name, word in (("nrsme", "'nrmse'"), ("stability.clampd", "'stability.clamped'"),
+                           ("temporal.flicker", "flicker"), ("speed", "speed")):
+            result = self.run_program("evaluate", "room.glb", *FIELD, *slow, "--require",
+                                      f"{name}<=1", timeout=60)
+            self.assertEqual(result.returncode, 2, result.stderr)
+            self.assertIn(word, result.stderr)
+
+    def test_every_number_may_be_named(self):
+        def paths(value, prefix=""):
+            if isinstance(value, (dict, list)):
+                items = value.items() if isinstance(value, dict) else enumerate(value)
+                for key, inner in items:
+                    yield from paths(inner, f"{prefix}{key}.")
+            elif isinstance(value, (int, float)) and not isinstance(value, bool):
+                yield prefix[:-1]
+
+        for mode in ("converged", "temporal"):
+            result = self.evaluate("--mode", mode)
+            conditions = [part for path in paths(result)
+                          for part in ("--require", f"{path}>=-1e300")]
+            self.assertGreater(len(conditions), 200)
+            self.evaluate("--mode", mode, *conditions)
 
 
 class Vertical(RoomTest):
