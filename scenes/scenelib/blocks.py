@@ -180,7 +180,9 @@ def footprint(cuts, lo, hi, y):
 
 def add_ring(mesh, material, outer, inner, middle, flip):
     """Triangles between two convex loops around `middle`, both of rising angle from x to z; their
-    normal is +y, or -y with `flip`."""
+    normal is +y, or -y with `flip`. The loops advance by angle, but an inner edge waits for the
+    first outer point that sees it from outside: from a corner, the far edges of a round loop would
+    make triangles that face the other way and overlap their neighbours."""
     def angles(loop):
         first = math.atan2(loop[0][2] - middle[1], loop[0][0] - middle[0])
         turns = [(math.atan2(p[2] - middle[1], p[0] - middle[0]) - first + 1e-9) % math.tau
@@ -194,13 +196,22 @@ def add_ring(mesh, material, outer, inner, middle, flip):
     i = j = 0
     while i < len(outer) or j < len(inner):
         p, q = outer[i % len(outer)], inner[j % len(inner)]
-        if j == len(inner) or (i < len(outer) and a[i + 1] <= b[j + 1]):
-            i += 1
-            corners = (p, q, outer[i % len(outer)])
-        else:
+        along_outer = (p, q, outer[(i + 1) % len(outer)])
+        along_inner = (p, q, inner[(j + 1) % len(inner)])
+        by_angle = i == len(outer) or (j < len(inner) and b[j + 1] < a[i + 1])
+        if by_angle and faces_up(*along_inner):
             j += 1
-            corners = (p, q, inner[j % len(inner)])
+            corners = along_inner
+        else:
+            i += 1
+            corners = along_outer
+        if i > len(outer) or not faces_up(*corners):
+            raise ValueError("a ring of %s: the inner loop is not inside the outer" % material)
         mesh.add(material, *(corners[::-1] if flip else corners))
+
+
+def faces_up(a, b, c):
+    return (b[2] - a[2]) * (c[0] - a[0]) > (b[0] - a[0]) * (c[2] - a[2])
 
 
 def warped(mesh, warp):

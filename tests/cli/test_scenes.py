@@ -117,6 +117,74 @@ def inner_wall(triangles, y, z):
     return min(x for x in xs if x > 0) - max(x for x in xs if x < 0)
 
 
+def planes(triangles):
+    """The triangles by the plane they lie in, whichever way they face, as corners in that plane
+    (seen along the axis that its normal is closest to)."""
+    found = collections.defaultdict(list)
+    for triangle in triangles:
+        normal = cross(*triangle)
+        length = math.hypot(*normal)
+        axis = max(range(3), key=lambda a: abs(normal[a]))
+        scale = math.copysign(1e3 / length, normal[axis])
+        key = [round(scale * n) for n in normal]
+        key.append(round(scale * sum(n * p for n, p in zip(normal, triangle[0]))))
+        flat = [tuple(c for a, c in enumerate(p) if a != axis) for p in triangle]
+        found[axis, *key].append(flat)
+    return list(found.values())
+
+
+def depth(first, second):
+    """How far one flat triangle must move for the two not to overlap; not above 0: they do not."""
+    least = math.inf
+    for triangle in (first, second):
+        for i in range(3):
+            (ax, ay), (bx, by) = triangle[i - 1], triangle[i]
+            length = math.hypot(by - ay, bx - ax)
+            u, v = (by - ay) / length, (ax - bx) / length
+            one, other = ([u * x + v * y for x, y in t] for t in (first, second))
+            least = min(least, max(one) - min(other), max(other) - min(one))
+            if least <= 0:
+                return least
+    return least
+
+
+def deepest_overlap(triangles):
+    """The depth of the worst overlap in a plane; a sweep along its first axis finds the pairs."""
+    worst = 0.0
+    for plane in planes(triangles):
+        plane.sort(key=lambda t: min(p[0] for p in t))
+        open_ones = []
+        for triangle in plane:
+            start = min(p[0] for p in triangle)
+            open_ones = [(end, other) for end, other in open_ones if end > start]
+            worst = max([worst] + [depth(other, triangle) for _, other in open_ones])
+            open_ones.append((max(p[0] for p in triangle), triangle))
+    return worst
+
+
+def pillars(count):
+    """What the pillars of the hall cover: regular 24-gons, 1.35 times 0.35 m to a corner."""
+    return count * 12 * (1.35 * 0.35) ** 2 * math.sin(math.tau / 24)
+
+
+# Horizontal surfaces of every scene but the sphere: (y, which way they face, m^2 by hand: rooms and
+# doorways less what stands on them).
+LEVELS = {
+    "acute_corner": [(0, 1, 8 * 5 + 4 * 2.4 / 2 - 1.2 * 0.6)],
+    "cornell": [(0, 1, 3 * 3 - 0.85 * 0.8 - 0.8 * 0.8), (3, -1, 3 * 3)],
+    "corridor_l": [(0, 1, 8 * 1.8 + 1.6 * 4.8 - 2 * 1.2 * 0.4)],
+    "furnace": [(-1.25, 1, 4 * 3), (1.25, -1, 4 * 3)],
+    "furnace_090": [(-1.25, 1, 4 * 3), (1.25, -1, 4 * 3)],
+    "mixed_scale": [(0, 1, 12 * 8 + 3 * 1 + 0.2 * (0.7 + 0.6 + 0.2) + 4 * 4.2 + 0.2 * 0.8 + 4 * 3.6
+                     + 0.2 * 1 - 3 * 1.2 - 1.5 * 1.1 - 1.7 * 1.2)],
+    "pillar_hall": [(0, 1, 21 * 12.6 - pillars(21)), (5, -1, 21 * 12.6 - 13 * 1 - pillars(21))],
+    "sealed_room": [(0, 1, 18 * 18 - 6.6 * 5.6 + 6 * 5 - 0.3 * 6.6 - 3.9 * 1 - 1.6 * 1.2)],
+    "sun_room": [(0, 1, 6 * 4.5 - 2.2 * 0.5 - 1 * 1.5)],
+    "two_rooms_door": [(0, 1, 10 * 5 + 0.2 * 0.9 - 1.8 * 0.8 - 1.2 * 1.2)],
+}
+LEVELS |= {"thin_wall_%02dcm" % cm: [(0, 1, 8 * 4 - 1 * 1 - 1.2 * 1.2)] for cm in WALLS_CM}
+
+
 class Files(unittest.TestCase):
     def test_regenerated_byte_for_byte(self):
         with tempfile.TemporaryDirectory() as folder:
@@ -182,6 +250,30 @@ class Geometry(unittest.TestCase):
                 triangles = [t for mesh in meshes(path).values() for t in mesh]
                 self.assertLessEqual(len(triangles), 20_000)
                 self.assertGreater(min(math.hypot(*cross(*t)) / 2 for t in triangles), 1e-6)
+
+    def test_no_two_triangles_of_a_plane_overlap(self):
+        """Closed and wound alike, a mesh can still fold over in a plane: back, and forth again."""
+        folded = [((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+                  ((0.1, 0.0, 0.1), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))]
+        self.assertAlmostEqual(deepest_overlap(folded), 0.8 / 2 ** 0.5)
+        for path in GLTFS:
+            with self.subTest(path=path.stem):
+                triangles = [t for mesh in meshes(path).values() for t in mesh]
+                # Neighbours share corners; each is rounded by half an ulp of 16 m, 5e-7.
+                self.assertLess(deepest_overlap(triangles), 2e-6)
+
+    def test_floors_and_ceilings_face_the_room_and_cover_it_once(self):
+        self.assertEqual(set(LEVELS), {p.stem for p in GLTFS} - {"sphere_light"})
+        for stem, levels in LEVELS.items():
+            path, = (p for p in GLTFS if p.stem == stem)
+            for y, side, area in levels:
+                with self.subTest(path=stem, y=y):
+                    normals = [cross(*t) for mesh in meshes(path).values() for t in mesh
+                               if all(p[1] == y for p in t)]
+                    self.assertGreater(min(side * n[1] for n in normals), 0)
+                    # Lengths are off by two halves of an ulp, 2^-23 of the coordinate; 1e-6 is 8 of it.
+                    found = sum(math.hypot(*n) for n in normals) / 2
+                    self.assertAlmostEqual(found, area, delta=1e-6 * area)
 
     def test_thin_walls_are_as_thick_as_their_names_say(self):
         for cm in WALLS_CM:
