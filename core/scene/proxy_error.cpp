@@ -69,10 +69,10 @@ ProxyError ProxyErrorMeter::measure(std::span<const Corners> proxy, uint64_t see
   for (const TrianglePoints& t : after) error.area_after_m2 += areaOf(t);
   error.to_proxy_m =
       std::max(worstAtMarks(original_, to_proxy),
-               worstAtRandom(original_, to_proxy, count, Rng(seed, RngStream::reachability, 1)));
+               worstAtRandom(original_, to_proxy, count, Rng(seed, RngStream::ray_proxy, 1)));
   error.to_original_m =
       std::max(worstAtMarks(after, to_original_),
-               worstAtRandom(after, to_original_, count, Rng(seed, RngStream::reachability, 2)));
+               worstAtRandom(after, to_original_, count, Rng(seed, RngStream::ray_proxy, 2)));
   return error;
 }
 

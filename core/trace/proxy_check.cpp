@@ -66,7 +66,7 @@ std::vector<Point> choosePoints(const Geometry& geometry, const ProxyCheckOption
     area[meshes.mesh[t]] += a, whole += a;
   }
   std::vector<Point> points;
-  Rng rng(options.seed, RngStream::reachability, 3);
+  Rng rng(options.seed, RngStream::ray_proxy, 3);
   for (std::size_t m = 0; m < triangles.size(); ++m) {
     if (triangles[m].empty()) continue;
     const auto share = static_cast<uint32_t>(options.samples * (area[m] / whole));
@@ -276,13 +276,12 @@ ProxyCheck checkProxy(const Scene& scene, const EmbreeScene& embree, const Scene
   parallelFor(points.size(), kPointsPerTask, [&](std::size_t begin, std::size_t end) {
     const FlushDenormals flush;
     for (std::size_t i = begin; i < end; ++i)
-      crossings[i] =
-          checker.crossingAt(points[i], Rng(options.seed, RngStream::reachability, 4, i));
+      crossings[i] = checker.crossingAt(points[i], Rng(options.seed, RngStream::ray_proxy, 4, i));
   });
   parallelFor(points.size(), kPointsPerTask, [&](std::size_t begin, std::size_t end) {
     const FlushDenormals flush;
     for (std::size_t i = begin; i < end; ++i) {
-      Rng rng(options.seed, RngStream::reachability, 5, i);
+      Rng rng(options.seed, RngStream::ray_proxy, 5, i);
       const Crossing& other = crossings[rng.nextBelow(crossings.size())];
       Outcome& outcome = outcomes[i];
       outcome.segment[0] = {crossings[i].front, crossings[i].behind};

@@ -19,6 +19,7 @@ enum class RngStream : uint64_t {
   test = 8,
   placement = 9,
   field_image = 10,
+  ray_proxy = 11,
 };
 
 // The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection on 64 bits.
