@@ -65,7 +65,8 @@ class Rows(AblationTest):
             '[[row]]\nname = "clamp"\nclamp_over_mean = 0.5\n'
             '[[row]]\nname = "preset"\nparams = "classic"\n'
             '[[row]]\nname = "or else"\nset = ["fallback=lerp_unoccluded"]\n'
-            'else_set = ["facing=none"]\n', "--set", "visibility=false")
+            'else_set = ["facing=none"]\n', "--set", "visibility=false",
+            "--set", "irradiance_texels=12")
         self.assertEqual(skipped, {})
         self.assertLessEqual(rows["half"]["probes"]["stored"], 14)
         self.assertNotEqual(rows["tall"]["error"], rows["base"]["error"])

@@ -174,6 +174,19 @@ class Baselines(RoomTest):
         self.assertLess(result["stage_sum_share"], 1.02)
         self.assertIsNone(result["sweep"])
 
+    def test_blending_is_compared_a_probe(self):
+        # The corridor fills a tenth of its lattice; the textbook blends every lattice point.
+        result = self.run_json("bench", SOURCE / "scenes/corridor_l/scene.toml", "--probes", 256,
+                               "--lattice", "bounds", "--rays", 16, "--updates", 6)
+        textbook = result["baselines"]["textbook_blend"]["median_ms"]
+        points = result["baselines"]["textbook"]["probes"]
+        self.assertGreater(points, 8 * result["active_probes"])
+        expected = (textbook / points) / (result["stages"]["blend"]["median_ms"] /
+                                          result["active_probes"])
+        # Ratio of medians against median of ratios, on a machine that may be busy.
+        self.assertLess(result["ratios"]["blend_vs_textbook"], 3 * expected)
+        self.assertGreater(result["ratios"]["blend_vs_textbook"], expected / 3)
+
     def test_sweep_fits_its_points(self):
         sweep = self.bench("--sweep", "--sweep-probes", 2048)["sweep"]
         for axis in ("probes", "rays"):
