@@ -28,6 +28,7 @@ struct StatsPush {
   float gamma;
   uint32_t unused;
 };
+constexpr int kFlatChanges = 3;  // after so many a probe takes all rays for good
 constexpr uint32_t kQueryChunk = 1u << 20;
 
 // Rays that a batch holds, whole probes: the working set and the largest buffer bound them.
@@ -68,8 +69,10 @@ ProbeField::ProbeField(GpuContext& context, const Scene& scene, const EmbreeScen
   if (params.visibility != 0)
     moments_ = makeAtlas(context, AtlasKind::moments, params_, probeCount(), options.accumulate);
   full_ = createRaySet(context, params.rays);
-  if (params.flat_ray_share < 1)
+  if (params.flat_ray_share < 1) {
     reduced_ = createRaySet(context, static_cast<int>(reducedRays(params)));
+    flat_states_.resize(probeCount());
+  }
   createFieldStages(context);
 }
 
@@ -231,12 +234,20 @@ void ProbeField::measureProbes() {
   const double active = states_.activeCount();
   mean /= active;
   variability_ = variability / active;
-  if (!reduced_) return;
+  if (reduced_) chooseFlatProbes(stats, mean);
+}
+
+// A probe that changes sides again and again takes all rays, or no bounce series would settle.
+void ProbeField::chooseFlatProbes(std::span<const Vec3f> stats, double mean) {
   std::vector<uint32_t> list, flat;
   for (uint32_t p = 0; p < probeCount(); ++p) {
     if (states_.active[p] == 0) continue;
-    const bool is_flat = static_cast<double>(stats[p].x) > params_.flat_brightness * mean &&
-                         static_cast<double>(stats[p].y) < params_.flat_contrast;
+    FlatState& state = flat_states_[p];
+    const bool qualifies = static_cast<double>(stats[p].x) > params_.flat_brightness * mean &&
+                           static_cast<double>(stats[p].y) < params_.flat_contrast;
+    const bool is_flat = qualifies && state.changes < kFlatChanges;
+    if (is_flat != state.is_flat) ++state.changes;
+    state.is_flat = is_flat;
     (is_flat ? flat : list).push_back(p);
   }
   full_count_ = static_cast<uint32_t>(list.size());

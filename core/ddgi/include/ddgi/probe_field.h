@@ -117,6 +117,12 @@ class ProbeField {
     std::unique_ptr<BlendStage> irradiance, moments;
   };
 
+  // Whether a probe is bright and flat enough for fewer rays, and how often that has changed.
+  struct FlatState {
+    bool is_flat = false;
+    int changes = 0;
+  };
+
   void createStates(GpuContext& context);
   std::unique_ptr<RaySet> createRaySet(GpuContext& context, int rays);
   void createFieldStages(GpuContext& context);
@@ -124,6 +130,7 @@ class ProbeField {
   void updateProbes(const RaySet& set, uint32_t first, uint32_t count, const BlendMode& irradiance,
                     const BlendMode& moments);
   void measureProbes();
+  void chooseFlatProbes(std::span<const Vec3f> stats, double mean);
   bool usesProbeList() const;
 
   GpuContext& context_;
@@ -142,6 +149,7 @@ class ProbeField {
   int current_ = 0;  // copy of the atlases that holds the field
   std::unique_ptr<RaySet> full_, reduced_;
   uint32_t full_count_ = 0, reduced_count_ = 0;  // probes of each set, in probe_list_'s order
+  std::vector<FlatState> flat_states_;           // [probe]
   Stage resolve_, query_, stats_;
   uint64_t updates_ = 0;
   double variability_ = 1;
