@@ -37,9 +37,10 @@ class Rows(AblationTest):
     def test_a_row_is_the_run_with_its_settings(self):
         result, rows, skipped = self.ablate(
             '[[row]]\nname = "blind"\nset = ["visibility=false"]\n'
-            '[[row]]\nname = "same"\nset = ["normal_bias=0.04"]\n'
+            '[[row]]\nname = "same"\nset = ["rays=32"]\n'
             '[[row]]\nname = "later"\nmode = "temporal"\nset = ["visibility=false"]\n'
-            '[[row]]\nname = "by direction"\nset = ["ray_order=direction"]\n')
+            '[[row]]\nname = "by direction"\nset = ["ray_order=direction"]\n',
+            "--set", "ray_order=probe")
         self.assertEqual(list(rows), ["base", "blind", "by direction"])
         self.assertEqual(set(skipped), {"same", "later"})
         base, blind = rows["base"], rows["blind"]
@@ -80,7 +81,8 @@ class Rows(AblationTest):
         self.assertEqual(rows["or else"]["set"], ["facing=none"])
 
     def test_the_table_names_rows_and_what_was_skipped(self):
-        text = self.run_ok("evaluate", "room.toml", *FIELD, *TRUTH, "--ablation", self.write(
+        text = self.run_ok("evaluate", "room.toml", *FIELD, *TRUTH, "--set", "ray_order=probe",
+                           "--ablation", self.write(
             '[[row]]\nname = "by direction"\nset = ["ray_order=direction"]\nabout = "a note"\n'
             '[[row]]\nname = "nothing"\n')).stdout
         row = next(line for line in text.splitlines() if line.startswith("by direction"))
