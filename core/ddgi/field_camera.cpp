@@ -25,8 +25,6 @@ FieldCamera::FieldCamera(GpuContext& context, ProbeField& field, const Scene& sc
                                  {"PL_FEEDBACK", "1"},
                                  {"PL_RADIANCE_CLAMP", "0"}});
   std::vector<StageInput> inputs = access.inputs;
-  inputs.push_back({"RADIANCE", &batch_.buffers().radiance});
-  inputs.push_back({"HIT_IRRADIANCE", &batch_.buffers().hit_irradiance});
   resolve_ = makeStage(context, "ddgi/resolve.comp.glsl", defines, inputs, sizeof(ResolvePush));
 }
 
@@ -39,9 +37,7 @@ ShadedRays FieldCamera::shade(std::span<const Ray> rays) {
     batch_.uploadRays(part);
     batch_.trace(recorder_, count);
     recorder_.run("resolve", resolve_,
-                  ResolvePush{count, 0, field_.access().addresses, buffers.surfaces.address(),
-                              buffers.rays.address()},
-                  count);
+                  makeResolvePush(count, 0, field_.access().addresses, buffers), count);
     recorder_.flush();
     const auto fetch = [&](const GpuBuffer& buffer, std::vector<Vec4f>& target) {
       download(context_, buffer,

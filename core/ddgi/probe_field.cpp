@@ -16,6 +16,8 @@ namespace {
 struct GeneratePush {
   uint32_t item_count;
   RayItems items;
+  uint32_t unused;
+  uint64_t rays;
 };
 struct QueryPush {
   uint32_t item_count, unused;
@@ -112,8 +114,7 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
   set->rays = rays;
   set->directions = createBuffer(context, sizeof(Vec3f) * static_cast<uint64_t>(rays),
                                  MemoryUse::device, "directions");
-  std::vector<StageInput> inputs = {{"RAYS", &batch_.buffers().rays},
-                                    {"DIRECTIONS", &set->directions},
+  std::vector<StageInput> inputs = {{"DIRECTIONS", &set->directions},
                                     {"PROBES", &probe_positions_}};
   if (probe_list_) inputs.push_back({"PROBE_LIST", &probe_list_});
   set->generate =
@@ -151,8 +152,6 @@ void ProbeField::createFieldStages(GpuContext& context) {
   defines.emplace_back("PL_FEEDBACK", params_.feedback != 0 ? "1" : "0");
   defines.emplace_back("PL_RADIANCE_CLAMP", params_.radiance_clamp > 0 ? "1" : "0");
   std::vector<StageInput> inputs = field.inputs;
-  inputs.push_back({"RADIANCE", &batch_.buffers().radiance});
-  if (distances) inputs.push_back({"DISTANCES", &batch_.buffers().distances});
   resolve_ = makeStage(context, "ddgi/resolve.comp.glsl", defines, inputs, sizeof(ResolvePush));
   inputs = field.inputs;
   inputs.push_back({"RESULTS", &counter_buffer_});  // bound anew by every query
@@ -203,12 +202,11 @@ void ProbeField::updateProbes(const RaySet& set, uint32_t first, uint32_t count,
     const uint32_t n = probes * rays;
     const bool by_direction = params_.ray_order == PL_RAYS_BY_DIRECTION;
     const RayItems items{probes, first + done, by_direction ? 1 : rays, by_direction ? probes : 1};
-    recorder_.run("generate", set.generate, GeneratePush{n, items}, n);
+    recorder_.run("generate", set.generate,
+                  GeneratePush{n, items, 0, batch_.buffers().rays.address()}, n);
     batch_.trace(recorder_, n, TextureDetail::footprint);
     recorder_.run("resolve", resolve_,
-                  ResolvePush{n, static_cast<float>(params_.radiance_clamp), field,
-                              batch_.buffers().surfaces.address(), batch_.buffers().rays.address()},
-                  n);
+                  makeResolvePush(n, params_.radiance_clamp, field, batch_.buffers()), n);
     set.irradiance->record(recorder_, items, irradiance, 1 - current_, updates_);
     if (set.moments) set.moments->record(recorder_, items, moments, 1 - current_, updates_);
   }

@@ -12,6 +12,8 @@ namespace {
 struct GeneratePush {
   uint32_t item_count;
   RayItems items;
+  uint32_t unused;
+  uint64_t rays;
 };
 struct StatePush {
   RayItems items;
@@ -35,10 +37,9 @@ class FixedRays {
     positions_ = createBufferFrom(context, layout.positions, MemoryUse::device, "moved probes");
     active_ = createBuffer(context, layout.positions.size() * sizeof(uint32_t), MemoryUse::device,
                            "active probes");
-    generate_ = makeStage(
-        context, "ddgi/generate.comp.glsl", {{"PL_PROBE_LIST", "0"}},
-        {{"RAYS", &batch.buffers().rays}, {"DIRECTIONS", &directions_}, {"PROBES", &positions_}},
-        sizeof(GeneratePush));
+    generate_ =
+        makeStage(context, "ddgi/generate.comp.glsl", {{"PL_PROBE_LIST", "0"}},
+                  {{"DIRECTIONS", &directions_}, {"PROBES", &positions_}}, sizeof(GeneratePush));
     relocate_ =
         makeStage(context, "ddgi/probe_state.comp.glsl", {{"PL_STATE", "0"}},
                   {{"DIRECTIONS", &directions_}, {"HOMES", &homes_}, {"PROBES", &positions_}},
@@ -60,7 +61,9 @@ class FixedRays {
     for (uint32_t first = 0; first < probes; first += at_once) {
       const uint32_t count = std::min(at_once, probes - first);
       const RayItems items{count, first, 1, count};
-      recorder_.run(name, generate_, GeneratePush{count * rays, items}, count * rays);
+      recorder_.run(name, generate_,
+                    GeneratePush{count * rays, items, 0, batch_.buffers().rays.address()},
+                    count * rays);
       batch_.traceSurfaces(recorder_, count * rays);
       recorder_.run(name, stage, push(items), count);
     }

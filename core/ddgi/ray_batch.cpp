@@ -12,15 +12,17 @@
 namespace probelab {
 namespace {
 
-struct CountPush {
-  uint32_t item_count;
-};
-struct FootprintPush {
+struct ShadePush {
   uint32_t item_count;
   float cone_area;
+  uint64_t rays, hits, surfaces;
+  SceneAddresses scene;
+  uint64_t sky_image;
 };
+static_assert(sizeof(ShadePush) <= 128);
 struct LightPush {
   uint32_t item_count, light;
+  uint64_t surfaces, shadow_rays, occluded;
 };
 
 RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, bool has_lights) {
@@ -92,28 +94,23 @@ RayBatch::RayBatch(GpuContext& context, const Scene& scene, const EmbreeScene& e
                                            : makeRayQueryTracer(context, scene, scene_, buffers_);
 
   const Defines defines = sceneDefines(scene_.features);
-  std::vector<StageInput> inputs = {
-      {"RAYS", &buffers_.rays}, {"HITS", &buffers_.hits}, {"SURFACES", &buffers_.surfaces}};
-  for (const StageInput& input : sceneInputs(scene_)) inputs.push_back(input);
+  std::vector<StageInput> inputs;
   if (scene_.sky) inputs.push_back({"SKY", &scene_.sky});
-  if (scene_.sky_image) inputs.push_back({"SKY_IMAGE", &scene_.sky_image});
-  shade_ = makeStage(context, "ddgi/shade.comp.glsl", defines, inputs, sizeof(CountPush));
+  shade_ = makeStage(context, "ddgi/shade.comp.glsl", defines, inputs, sizeof(ShadePush));
   if (scene_.features.textures && footprint_rad > 0) {
     cone_area_ = coneArea(footprint_rad);
     Defines footprint_defines = defines;
     footprint_defines.emplace_back("PL_TEXTURE_LOD", "1");
-    shade_footprint_ = makeStage(context, "ddgi/shade.comp.glsl", footprint_defines, inputs,
-                                 sizeof(FootprintPush));
+    shade_footprint_ =
+        makeStage(context, "ddgi/shade.comp.glsl", footprint_defines, inputs, sizeof(ShadePush));
   }
   if (!has_lights) return;
   for (const int pass : {0, 1}) {
     Defines light_defines = defines;
     light_defines.emplace_back("PL_LIGHT_PASS", std::to_string(pass));
-    const StageInput output = pass == 0 ? StageInput{"SHADOW_RAYS", &buffers_.shadow_rays}
-                                        : StageInput{"OCCLUDED", &buffers_.occluded};
-    (pass == 0 ? shadow_rays_ : add_light_) = makeStage(
-        context, "ddgi/light.comp.glsl", light_defines,
-        {{"LIGHTS", &scene_.lights}, {"SURFACES", &buffers_.surfaces}, output}, sizeof(LightPush));
+    (pass == 0 ? shadow_rays_ : add_light_) =
+        makeStage(context, "ddgi/light.comp.glsl", light_defines, {{"LIGHTS", &scene_.lights}},
+                  sizeof(LightPush));
   }
 }
 
@@ -122,18 +119,25 @@ void RayBatch::uploadRays(std::span<const Ray> rays) { uploadArray(context_, buf
 void RayBatch::traceSurfaces(StageRecorder& recorder, uint32_t count, TextureDetail detail) {
   PROBELAB_CHECK(count <= buffers_.capacity);
   if (tracer_) tracer_->closest(recorder, count);
-  if (detail == TextureDetail::footprint && cone_area_ > 0)
-    recorder.run("shade", shade_footprint_, FootprintPush{count, cone_area_}, count);
-  else
-    recorder.run("shade", shade_, CountPush{count}, count);
+  const bool footprint = detail == TextureDetail::footprint && cone_area_ > 0;
+  const ShadePush push{.item_count = count,
+                       .cone_area = cone_area_,
+                       .rays = buffers_.rays.address(),
+                       .hits = buffers_.hits.address(),
+                       .surfaces = buffers_.surfaces.address(),
+                       .scene = sceneAddresses(scene_),
+                       .sky_image = scene_.sky_image ? scene_.sky_image.address() : 0};
+  recorder.run("shade", footprint ? shade_footprint_ : shade_, push, count);
 }
 
 void RayBatch::trace(StageRecorder& recorder, uint32_t count, TextureDetail detail) {
   traceSurfaces(recorder, count, detail);
   for (uint32_t light = 0; light < scene_.light_count; ++light) {
-    recorder.run("shade", shadow_rays_, LightPush{count, light}, count);
+    const LightPush push{count, light, buffers_.surfaces.address(), buffers_.shadow_rays.address(),
+                         buffers_.occluded.address()};
+    recorder.run("shade", shadow_rays_, push, count);
     if (tracer_) tracer_->occluded(recorder, count);
-    recorder.run("shade", add_light_, LightPush{count, light}, count);
+    recorder.run("shade", add_light_, push, count);
   }
 }
 

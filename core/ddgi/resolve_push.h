@@ -3,6 +3,7 @@
 #pragma once
 
 #include "ddgi/constants.h"
+#include "ddgi/ray_batch.h"
 
 namespace probelab {
 
@@ -10,7 +11,19 @@ struct ResolvePush {
   uint32_t item_count;
   float radiance_clamp;  // nit
   FieldAddresses field;
-  uint64_t surfaces, rays;
+  uint64_t surfaces, rays, radiance, distances, hit_irradiance;
 };
+
+inline ResolvePush makeResolvePush(uint32_t count, double radiance_clamp,
+                                   const FieldAddresses& field, const RayBuffers& rays) {
+  return {count,
+          static_cast<float>(radiance_clamp),
+          field,
+          rays.surfaces.address(),
+          rays.rays.address(),
+          rays.radiance.address(),
+          rays.distances.address(),
+          rays.hit_irradiance.address()};
+}
 
 }  // namespace probelab

@@ -14,47 +14,63 @@ constexpr double kForget = 0.1;  // share of the burn-in's own error that may re
 constexpr int kMaxMixing = 64;
 constexpr double kRoundingFloor = 2e-3;  // relative change that a small format may keep up for ever
 
-// Change between two fields relative to the newer one, in linear irradiance.
-double relativeChange(const std::vector<Vec3f>& before, const std::vector<Vec3f>& after,
-                      double gamma) {
-  const auto linear = [gamma](float stored) {
-    return std::pow(static_cast<double>(stored), gamma);
-  };
-  double change = 0, total = 0;
-  for (std::size_t i = 0; i < after.size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double now = linear(after[i][c]);
-      change += std::abs(now - linear(before[i][c]));
-      total += now;
-    }
-  return total > 0 ? change / total : 0;
+// Sum of the field's linear irradiance over texels and channels.
+double fieldSum(const std::vector<Vec3f>& texels, double gamma) {
+  double sum = 0;
+  for (const Vec3f& texel : texels)
+    for (std::size_t c = 0; c < 3; ++c) sum += std::pow(static_cast<double>(texel[c]), gamma);
+  return sum;
 }
 
-// Decides from the sequence of relative changes whether a geometric series has ended.
+// Relative change of a value below which nearest rounding leaves the stored texel as it is.
+double stallUnit(const Params& params) {
+  if (params.rounding != 0) return 0;
+  switch (params.irradiance_format) {
+    case PL_FORMAT_RGBA32F:
+      return params.encoding_gamma * 0x1p-25;
+    case PL_FORMAT_RGBA16F:
+      return params.encoding_gamma * 0x1p-12;
+    case PL_FORMAT_R11G11B10F:
+      return params.encoding_gamma * 0x1p-7;  // of the blue channel, in the middle of a binade
+    default:
+      return params.encoding_gamma * 0x1p-10;  // at half of full scale
+  }
+}
+
+// Decides from the sums of the field after each update, which rise geometrically from black,
+// whether the series has ended. (Sums, because dithered rounding never leaves all texels alone.)
 class SettleTest {
  public:
-  explicit SettleTest(double tolerance) : tolerance_(tolerance) {}
+  SettleTest(double tolerance, double stall_unit)
+      : tolerance_(tolerance), stall_unit_(stall_unit) {}
 
-  bool add(double change) {
+  bool add(double before, double after) {
+    const double change = after > 0 ? std::abs(after - before) / after : 0;
     changes_.push_back(change);
     const std::size_t n = changes_.size();
     if (change == 0) {
-      remaining_ = 0;
+      // What is still missing may be too small a step for the format.
+      remaining_ = after > 0 ? stall_unit_ / (1 - ratio_) : 0;
       return true;
     }
     if (n < 3) return false;
-    ratio_ = std::clamp(std::sqrt(change / changes_[n - 3]), 0.0, 0.99999);
+    const auto ratioOver = [&](std::size_t steps) {
+      return std::pow(change / changes_[n - 1 - steps], 1.0 / static_cast<double>(steps));
+    };
+    // The longer look back is not misled by one small step.
+    ratio_ =
+        std::clamp(std::max(ratioOver(2), n > kWindow ? ratioOver(kWindow) : 0.0), 0.0, 0.99999);
     remaining_ = change * ratio_ / (1 - ratio_);
     if (remaining_ <= tolerance_) return true;
     // A format's rounding keeps a small change alive: stop once it no longer falls.
-    constexpr std::size_t kWindow = 8;
     return n > kWindow && change < kRoundingFloor && change > 0.98 * changes_[n - 1 - kWindow];
   }
   double ratio() const { return ratio_; }
   double remaining() const { return remaining_; }
 
  private:
-  double tolerance_, ratio_ = 0, remaining_ = 1;
+  static constexpr std::size_t kWindow = 8;
+  double tolerance_, stall_unit_, ratio_ = 0, remaining_ = 1;
   std::vector<double> changes_;
 };
 
@@ -69,16 +85,17 @@ ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
                              const UpdateCallback& on_update) {
   PROBELAB_CHECK(field.options().accumulate);
   ConvergeReport report;
-  SettleTest settle(options.tolerance);
-  std::vector<Vec3f> before = field.irradianceTexels();
+  const double gamma = field.params().encoding_gamma;
+  SettleTest settle(options.tolerance, stallUnit(field.params()));
+  double before = fieldSum(field.irradianceTexels(), gamma);
   report.settled = false;
   while (!report.settled && report.burn_in_updates < options.max_burn_in) {
     throwIfInterrupted();
     field.update(0, {}, {});
     ++report.burn_in_updates;
-    std::vector<Vec3f> after = field.irradianceTexels();
-    report.settled = settle.add(relativeChange(before, after, field.params().encoding_gamma));
-    before = std::move(after);
+    const double after = fieldSum(field.irradianceTexels(), gamma);
+    report.settled = settle.add(before, after);
+    before = after;
     if (on_update) on_update(report.burn_in_updates, 0);
   }
   report.contraction = settle.ratio();

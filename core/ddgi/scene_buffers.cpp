@@ -87,19 +87,10 @@ Defines sceneDefines(const SceneFeatures& features) {
           flag("PL_LIGHT_SPOT", features.spot_lights)};
 }
 
-std::vector<StageInput> sceneInputs(const SceneBuffers& buffers) {
-  std::vector<StageInput> inputs;
-  const auto add = [&](const char* name, const GpuBuffer& buffer) {
-    if (buffer) inputs.push_back({name, &buffer});
-  };
-  add("TRIANGLES", buffers.triangles);
-  add("POSITIONS", buffers.positions);
-  add("MATERIALS", buffers.materials);
-  add("NORMALS", buffers.normals);
-  add("UV0", buffers.uv0);
-  add("UV1", buffers.uv1);
-  add("TEXELS", buffers.texels);
-  return inputs;
+SceneAddresses sceneAddresses(const SceneBuffers& buffers) {
+  const auto of = [](const GpuBuffer& buffer) { return buffer ? buffer.address() : 0; };
+  return {of(buffers.triangles), of(buffers.positions), of(buffers.materials), of(buffers.normals),
+          of(buffers.uv0),       of(buffers.uv1),       of(buffers.texels)};
 }
 
 }  // namespace probelab

@@ -6,8 +6,10 @@
 namespace probelab {
 namespace {
 
-struct CountPush {
-  uint32_t item_count;
+struct TracePush {
+  uint32_t item_count, unused;
+  uint64_t rays, results, first_triangles;
+  SceneAddresses scene;
 };
 
 template <class T>
@@ -53,34 +55,38 @@ class RayQueryTracer final : public Tracer {
  public:
   RayQueryTracer(GpuContext& context, const Scene& scene, const SceneBuffers& scene_buffers,
                  const RayBuffers& buffers)
-      : structure_(buildFromScene(context, scene)) {
-    closest_ = stage(context, scene_buffers, 0, {"RAYS", &buffers.rays}, {"HITS", &buffers.hits});
-    if (buffers.shadow_rays)
-      occluded_ = stage(context, scene_buffers, 1, {"RAYS", &buffers.shadow_rays},
-                        {"OCCLUDED", &buffers.occluded});
+      : structure_(buildFromScene(context, scene)), buffers_(buffers) {
+    if (scene_buffers.features.alpha_mask) {
+      scene_ = sceneAddresses(scene_buffers);
+      first_triangles_ = structure_.firstTriangles().address();
+    }
+    Defines defines = sceneDefines(scene_buffers.features);
+    defines.emplace_back("PL_TRACE", "0");
+    const auto stage = [&] {
+      return makeStage(context, "ddgi/trace.comp.glsl", defines, {}, sizeof(TracePush),
+                       &structure_);
+    };
+    closest_ = stage();
+    if (!buffers.shadow_rays) return;
+    defines.back().second = "1";
+    occluded_ = stage();
   }
   void closest(StageRecorder& recorder, uint32_t count) override {
-    recorder.run("trace", closest_, CountPush{count}, count);
+    recorder.run("trace", closest_, push(count, buffers_.rays, buffers_.hits), count);
   }
   void occluded(StageRecorder& recorder, uint32_t count) override {
-    recorder.run("occlude", occluded_, CountPush{count}, count);
+    recorder.run("occlude", occluded_, push(count, buffers_.shadow_rays, buffers_.occluded), count);
   }
 
  private:
-  Stage stage(GpuContext& context, const SceneBuffers& scene_buffers, int pass, StageInput rays,
-              StageInput results) {
-    Defines defines = sceneDefines(scene_buffers.features);
-    defines.emplace_back("PL_TRACE", std::to_string(pass));
-    std::vector<StageInput> inputs = {rays, results};
-    if (scene_buffers.features.alpha_mask) {
-      inputs.push_back({"FIRST_TRIANGLES", &structure_.firstTriangles()});
-      for (const StageInput& input : sceneInputs(scene_buffers)) inputs.push_back(input);
-    }
-    return makeStage(context, "ddgi/trace.comp.glsl", defines, inputs, sizeof(CountPush),
-                     &structure_);
+  TracePush push(uint32_t count, const GpuBuffer& rays, const GpuBuffer& results) const {
+    return {count, 0, rays.address(), results.address(), first_triangles_, scene_};
   }
 
   AccelerationStructure structure_;
+  const RayBuffers& buffers_;
+  SceneAddresses scene_{};  // with cut-out materials
+  uint64_t first_triangles_ = 0;
   Stage closest_;
   Stage occluded_;
 };

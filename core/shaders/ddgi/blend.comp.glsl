@@ -137,6 +137,7 @@ float changedHysteresis(vec3 before, inout vec3 after) {
   float scale = pow(0.5, 1.0 / blend.gamma);
   vec3 darker = (before - after) * scale;
   float h = blend.hysteresis;
+  if (dot(before, before) == 0.0) h = 0.0;  // a texel that was black counts as a first write
   if (max(darker.x, max(darker.y, darker.z)) > blend.change_threshold)
     h = max(h - blend.change_drop, 0.0);
   if (-dot(darker, vec3(0.2126, 0.7152, 0.0722)) > blend.brightness_threshold)
@@ -194,7 +195,7 @@ void finishTexel(uint probe, uint texel, vec4 sum, bool frozen) {
   if (max(value.x, max(value.y, value.z)) > kLargest) atomicAdd(counters.clamped_texels, 1u);
   uint rounding = kRoundToNearest;
 #if PL_DITHER
-  if (blend.hysteresis > 0.0) rounding = ditherHash(stored_at + ditherHash(blend.dither));
+  if (blend.store_average == 0u) rounding = ditherHash(stored_at + ditherHash(blend.dither));
 #endif
   storeWithBorder(probe, x, y, value, rounding);
 }

@@ -57,15 +57,41 @@ struct DistanceRule {
 #ifdef __cplusplus
 #define PL_ADDRESS(type) std::uint64_t
 #else
+struct TriangleData {
+  uint vertex[3];
+  uint material;
+};
 #define PL_ADDRESS(type) type
 REFERENCE(readonly, WordArray, uint);
 REFERENCE(readonly, IntArray, int);
 REFERENCE(readonly, FloatArray, float);
 REFERENCE(readonly, Vec3Array, vec3);
 REFERENCE(readonly, Vec4Array, vec4);
+REFERENCE(readonly, Vec2Array, vec2);
+REFERENCE(readonly, RayArray, Ray);
+REFERENCE(readonly, HitArray, Hit);
+REFERENCE(readonly, TriangleArray, TriangleData);
+REFERENCE(readonly, MaterialArray, GpuMaterial);
+REFERENCE(readonly, SurfaceArray, RaySurface);
+REFERENCE(restrict, SurfaceInOut, RaySurface);
+REFERENCE(writeonly, RayOutput, Ray);
+REFERENCE(writeonly, HitOutput, Hit);
+REFERENCE(writeonly, FloatOutput, float);
+REFERENCE(writeonly, Vec4Output, vec4);
 REFERENCE(writeonly, WordOutput, uint);
 REFERENCE(restrict, Vec3InOut, vec3);
 #endif
+
+// Where the geometry lies; 0 for what the scene's features do not need.
+struct SceneAddresses {
+  PL_ADDRESS(TriangleArray) triangles;
+  PL_ADDRESS(Vec3Array) positions;
+  PL_ADDRESS(MaterialArray) materials;
+  PL_ADDRESS(Vec3Array) normals;
+  PL_ADDRESS(Vec2Array) uv0;
+  PL_ADDRESS(Vec2Array) uv1;
+  PL_ADDRESS(WordArray) texels;
+};
 
 // Where the copy of the field lies that a query reads.
 struct FieldAddresses {

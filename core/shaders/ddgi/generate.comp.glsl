@@ -5,7 +5,6 @@
 #include "ddgi/stage.glsl"
 #include "ddgi/constants.h"
 
-BUFFER(BIND_RAYS, writeonly, Rays, Ray rays[]);
 BUFFER(BIND_DIRECTIONS, readonly, Directions, vec3 directions[]);
 BUFFER(BIND_PROBES, readonly, Probes, vec3 probe_positions[]);
 #if PL_PROBE_LIST
@@ -15,25 +14,24 @@ BUFFER(BIND_PROBE_LIST, readonly, ProbeList, uint probe_list[]);
 layout(push_constant, scalar) uniform Push {
   uint item_count;
   RayItems items;
+  uint unused;
+  RayOutput rays;
 } push;
 
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
   uint probe, ray;
-  if (push.items.stride_ray == 1u) {
+  if (push.items.stride_probe == 1u && push.items.stride_ray == push.items.probe_count) {
+    ray = i / push.items.probe_count;
+    probe = i - ray * push.items.probe_count;
+  } else {
     probe = i / push.items.stride_probe;
     ray = i - probe * push.items.stride_probe;
-  } else {
-    ray = i / push.items.stride_ray;
-    probe = i - ray * push.items.stride_ray;
   }
   probe += push.items.first_probe;
 #if PL_PROBE_LIST
   probe = probe_list[probe];
 #endif
-  rays[i].origin = probe_positions[probe];
-  rays[i].t_min = 0.0;
-  rays[i].direction = directions[ray];
-  rays[i].t_max = kMissDistance;
+  push.rays.at[i] = Ray(probe_positions[probe], 0.0, directions[ray], kMissDistance);
 }

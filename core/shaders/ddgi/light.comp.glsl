@@ -9,17 +9,12 @@
 #include "shared/light.h"
 
 BUFFER(BIND_LIGHTS, readonly, Lights, LightData lights[]);
-#if PL_LIGHT_PASS == 0
-BUFFER(BIND_SURFACES, readonly, Surfaces, RaySurface surfaces[]);
-BUFFER(BIND_SHADOW_RAYS, writeonly, ShadowRays, Ray shadow_rays[]);
-#else
-BUFFER(BIND_SURFACES, restrict, Surfaces, RaySurface surfaces[]);
-BUFFER(BIND_OCCLUDED, readonly, Occluded, uint occluded[]);
-#endif
-
 layout(push_constant, scalar) uniform Push {
   uint item_count;
   uint light;
+  SurfaceInOut surfaces;
+  RayOutput shadow_rays;
+  WordArray occluded;
 } push;
 
 // Irradiance on the surface without shadow; 0 where the light is behind either normal.
@@ -32,16 +27,18 @@ vec3 unshadowed(RaySurface surface, LightSample light) {
 }
 
 void main() {
+  LightData light_data = lights[push.light];
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
-  RaySurface surface = surfaces[i];
-  LightSample light = sampleLight(lights[push.light], surface.origin);
+  RaySurface surface = push.surfaces.at[i];
+  LightSample light = sampleLight(light_data, surface.origin);
   vec3 irradiance = unshadowed(surface, light);
 #if PL_LIGHT_PASS == 0
   bool lit = max(irradiance.x, max(irradiance.y, irradiance.z)) > 0.0;
-  shadow_rays[i] = Ray(surface.origin, 0.0, light.direction, lit ? light.t_max : 0.0);
+  push.shadow_rays.at[i] = Ray(surface.origin, 0.0, light.direction, lit ? light.t_max : 0.0);
 #else
-  if (occluded[i] == 0u)
-    surfaces[i].radiance += surface.albedo * irradiance * (1.0 / 3.14159265358979);
+  if (push.occluded.at[i] == 0u)
+    push.surfaces.at[i].radiance =
+        surface.radiance + surface.albedo * irradiance * (1.0 / 3.14159265358979);
 #endif
 }

@@ -7,7 +7,6 @@
 #include "ddgi/stage.glsl"
 #include "ddgi/constants.h"
 
-REFERENCE(readonly, SurfaceArray, RaySurface);
 BUFFER(BIND_DIRECTIONS, readonly, Directions, vec3 directions[]);
 #if PL_STATE == 0
 BUFFER(BIND_HOMES, readonly, Homes, vec3 homes[]);          // [probe], where the layout put it

@@ -6,26 +6,20 @@
 #include "ddgi/stage.glsl"
 #include "ddgi/constants.h"
 
-REFERENCE(readonly, SurfaceArray, RaySurface);
-REFERENCE(readonly, RayArray, Ray);
 layout(push_constant, scalar) uniform Push {
   uint item_count;
   float radiance_clamp;
   FieldAddresses field;
   SurfaceArray surfaces;
   RayArray rays;
+  Vec4Output radiance;        // rgb, signed distance in metres
+  FloatOutput distances;      // in units of r_i, clamped
+  Vec4Output hit_irradiance;
 } push;
 
 #include "ddgi/field.glsl"
 
-BUFFER(BIND_RADIANCE, writeonly, Radiance, vec4 radiance[]);  // rgb, signed distance in metres
-#if PL_STORE_DISTANCES
-BUFFER(BIND_DISTANCES, writeonly, Distances, float distances[]);  // in units of r_i, clamped
-#endif
 BUFFER(BIND_COUNTERS, restrict, CounterBuffer, CounterData counters);
-#if PL_STORE_IRRADIANCE
-BUFFER(BIND_HIT_IRRADIANCE, writeonly, HitIrradiance, vec4 hit_irradiance[]);
-#endif
 
 void main() {
 #if PL_FEEDBACK
@@ -53,13 +47,13 @@ void main() {
 #if PL_RADIANCE_CLAMP
   outgoing = min(outgoing, vec3(push.radiance_clamp));
 #endif
-  radiance[i] = vec4(outgoing, surface.distance);
+  push.radiance.at[i] = vec4(outgoing, surface.distance);
 #if PL_STORE_DISTANCES
   float distance_m = surface.distance < 0.0 ? -surface.distance * rule.backface_shortening
                                             : surface.distance;
-  distances[i] = min(distance_m * rule.scale, rule.clamp_at);
+  push.distances.at[i] = min(distance_m * rule.scale, rule.clamp_at);
 #endif
 #if PL_STORE_IRRADIANCE
-  hit_irradiance[i] = vec4(irradiance, float(surface.hit));
+  push.hit_irradiance.at[i] = vec4(irradiance, float(surface.hit));
 #endif
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Triangles and materials, as the shade stage and the alpha test of the ray-query tracer read them.
+// Before it, the stage declares a block `push` with a member `SceneAddresses scene`.
 #ifndef PROBELAB_DDGI_SCENE_GLSL
 #define PROBELAB_DDGI_SCENE_GLSL
 
@@ -11,29 +12,19 @@
 #define PL_TEXTURE_LOD 0
 #endif
 
-struct TriangleData {
-  uint vertex[3];
-  uint material;
-};
-
-BUFFER(BIND_TRIANGLES, readonly, Triangles, TriangleData triangles[]);
-BUFFER(BIND_POSITIONS, readonly, Positions, vec3 positions[]);
-BUFFER(BIND_MATERIALS, readonly, Materials, GpuMaterial materials[]);
-#if PL_SHADING_NORMALS
-BUFFER(BIND_NORMALS, readonly, Normals, vec3 normals[]);
-#endif
 #if PL_TEXTURES
-BUFFER(BIND_UV0, readonly, Uv0, vec2 uv0[]);
-BUFFER(BIND_UV1, readonly, Uv1, vec2 uv1[]);
-BUFFER(BIND_TEXELS, readonly, Texels, uint texels[]);
-uint fetchTexel(uint index) { return texels[index]; }
+uint fetchTexel(uint index) { return push.scene.texels.at[index]; }
 #include "shared/texture.h"
 
 void triangleUv(TextureUseData use, TriangleData triangle, out vec2 a, out vec2 b, out vec2 c) {
   if (textureUvSet(use.flags) == 0u) {
-    a = uv0[triangle.vertex[0]], b = uv0[triangle.vertex[1]], c = uv0[triangle.vertex[2]];
+    a = push.scene.uv0.at[triangle.vertex[0]];
+    b = push.scene.uv0.at[triangle.vertex[1]];
+    c = push.scene.uv0.at[triangle.vertex[2]];
   } else {
-    a = uv1[triangle.vertex[0]], b = uv1[triangle.vertex[1]], c = uv1[triangle.vertex[2]];
+    a = push.scene.uv1.at[triangle.vertex[0]];
+    b = push.scene.uv1.at[triangle.vertex[1]];
+    c = push.scene.uv1.at[triangle.vertex[2]];
   }
 }
 

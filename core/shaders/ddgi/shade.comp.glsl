@@ -8,29 +8,26 @@
 #include "shared/octahedral.h"
 #include "shared/offset.h"
 
-BUFFER(BIND_RAYS, readonly, Rays, Ray rays[]);
-BUFFER(BIND_HITS, readonly, Hits, Hit hits[]);
-BUFFER(BIND_SURFACES, writeonly, Surfaces, RaySurface surfaces[]);
+layout(push_constant, scalar) uniform Push {
+  uint item_count;
+  float cone_area;  // of a ray's cone, 1 m from its origin, in square metres
+  RayArray rays;
+  HitArray hits;
+  SurfaceInOut surfaces;
+  SceneAddresses scene;
+  Vec3Array sky_image;
+} push;
+
 #if PL_TRIANGLES
 #include "ddgi/scene.glsl"
 #endif
 #if PL_SKY
 BUFFER(BIND_SKY, readonly, SkyBuffer, SkyData sky);
 #endif
-#if PL_SKY_IMAGE
-BUFFER(BIND_SKY_IMAGE, readonly, SkyImage, vec3 sky_image[]);
-#endif
-
-layout(push_constant, scalar) uniform Push {
-  uint item_count;
-#if PL_TEXTURE_LOD
-  float cone_area;  // of a ray's cone, 1 m from its origin, in square metres
-#endif
-} push;
 
 vec3 skyRadiance(vec3 direction) {
 #if PL_SKY_IMAGE
-  return sky_image[skyTexel(sky, direction)];
+  return push.sky_image.at[skyTexel(sky, direction)];
 #elif PL_SKY
   return linearSky(sky, direction);
 #else
@@ -45,11 +42,11 @@ RaySurface missed(vec3 direction) {
 
 #if PL_TRIANGLES
 RaySurface shade(Ray ray, Hit hit) {
-  TriangleData triangle = triangles[hit.primitive];
-  GpuMaterial material = materials[triangle.material];
-  vec3 p0 = positions[triangle.vertex[0]];
-  vec3 p1 = positions[triangle.vertex[1]];
-  vec3 p2 = positions[triangle.vertex[2]];
+  TriangleData triangle = push.scene.triangles.at[hit.primitive];
+  GpuMaterial material = push.scene.materials.at[triangle.material];
+  vec3 p0 = push.scene.positions.at[triangle.vertex[0]];
+  vec3 p1 = push.scene.positions.at[triangle.vertex[1]];
+  vec3 p2 = push.scene.positions.at[triangle.vertex[2]];
   vec3 geometric = normalize(cross(p1 - p0, p2 - p0));
   bool back = dot(geometric, ray.direction) > 0.0;
   bool black = back;
@@ -65,8 +62,8 @@ RaySurface shade(Ray ray, Hit hit) {
   surface.ng_y = encoded.y;
   surface.normal = geometric;
 #if PL_SHADING_NORMALS
-  vec3 shading = normals[triangle.vertex[0]] * (1.0 - hit.u - hit.v) +
-                 normals[triangle.vertex[1]] * hit.u + normals[triangle.vertex[2]] * hit.v;
+  vec3 shading = push.scene.normals.at[triangle.vertex[0]] * (1.0 - hit.u - hit.v) +
+                 push.scene.normals.at[triangle.vertex[1]] * hit.u + push.scene.normals.at[triangle.vertex[2]] * hit.v;
   float length_sq = dot(shading, shading);
   if (length_sq > 1e-12) {
     shading *= inversesqrt(length_sq);
@@ -95,10 +92,10 @@ void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
 #if PL_TRIANGLES
-  if (hits[i].primitive != kNoHit) {
-    surfaces[i] = shade(rays[i], hits[i]);
+  if (push.hits.at[i].primitive != kNoHit) {
+    push.surfaces.at[i] = shade(push.rays.at[i], push.hits.at[i]);
     return;
   }
 #endif
-  surfaces[i] = missed(rays[i].direction);
+  push.surfaces.at[i] = missed(push.rays.at[i].direction);
 }

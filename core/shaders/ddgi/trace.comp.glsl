@@ -7,20 +7,23 @@
 #include "ddgi/stage.glsl"
 #include "ddgi/constants.h"
 
-BUFFER(BIND_RAYS, readonly, Rays, Ray rays[]);
+layout(push_constant, scalar) uniform Push {
+  uint item_count;
+  uint unused;
+  RayArray rays;
 #if PL_TRACE == 0
-BUFFER(BIND_HITS, writeonly, Hits, Hit hits[]);
+  HitOutput hits;
 #else
-BUFFER(BIND_OCCLUDED, writeonly, Occluded, uint occluded[]);
+  WordOutput occluded;
 #endif
+  WordArray first_triangles;  // triangles of one opacity make a geometry; where each starts
+  SceneAddresses scene;
+} push;
+
 #if PL_ALPHA_MASK
 #include "ddgi/scene.glsl"
-// Triangles of one opacity make a geometry; this is where each starts.
-BUFFER(BIND_FIRST_TRIANGLES, readonly, FirstTriangles, uint first_triangles[]);
 #endif
 layout(set = 0, binding = BIND_ACCELERATION_STRUCTURE) uniform accelerationStructureEXT scene_as;
-
-layout(push_constant, scalar) uniform Push { uint item_count; } push;
 
 #if PL_TRACE == 0
 const uint kRayFlags = gl_RayFlagsNoneEXT;
@@ -35,7 +38,7 @@ const uint kOpaque = gl_RayFlagsOpaqueEXT;
 
 uint triangleOf(int geometry, int primitive) {
 #if PL_ALPHA_MASK
-  return first_triangles[geometry] + uint(primitive);
+  return push.first_triangles.at[geometry] + uint(primitive);
 #else
   return uint(primitive);
 #endif
@@ -44,7 +47,7 @@ uint triangleOf(int geometry, int primitive) {
 void main() {
   uint i = gl_GlobalInvocationID.x;
   if (i >= push.item_count) return;
-  Ray ray = rays[i];
+  Ray ray = push.rays.at[i];
   Hit hit = Hit(ray.t_max, kNoHit, 0.0, 0.0);
   if (ray.t_max > ray.t_min) {
     rayQueryEXT query;
@@ -55,10 +58,10 @@ void main() {
       if (rayQueryGetIntersectionTypeEXT(query, false) ==
           gl_RayQueryCandidateIntersectionTriangleEXT) {
         TriangleData triangle =
-            triangles[triangleOf(rayQueryGetIntersectionGeometryIndexEXT(query, false),
+            push.scene.triangles.at[triangleOf(rayQueryGetIntersectionGeometryIndexEXT(query, false),
                                  rayQueryGetIntersectionPrimitiveIndexEXT(query, false))];
         vec2 uv = rayQueryGetIntersectionBarycentricsEXT(query, false);
-        if (!materialCutsOut(materials[triangle.material], triangle, uv.x, uv.y))
+        if (!materialCutsOut(push.scene.materials.at[triangle.material], triangle, uv.x, uv.y))
           rayQueryConfirmIntersectionEXT(query);
       }
 #endif
@@ -73,8 +76,8 @@ void main() {
     }
   }
 #if PL_TRACE == 0
-  hits[i] = hit;
+  push.hits.at[i] = hit;
 #else
-  occluded[i] = hit.primitive == kNoHit ? 0u : 1u;
+  push.occluded.at[i] = hit.primitive == kNoHit ? 0u : 1u;
 #endif
 }

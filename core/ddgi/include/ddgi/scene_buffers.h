@@ -3,6 +3,7 @@
 // specialise the stages to it.
 #pragma once
 
+#include "ddgi/constants.h"
 #include "ddgi/stage.h"
 #include "scene/scene.h"
 #include "trace/surface.h"
@@ -21,7 +22,6 @@ SceneBuffers uploadScene(GpuContext& context, const Scene& scene,
 
 // PL_TRIANGLES, PL_TEXTURES, ... as 0 or 1.
 Defines sceneDefines(const SceneFeatures& features);
-// The inputs that scene.glsl declares for these features.
-std::vector<StageInput> sceneInputs(const SceneBuffers& buffers);
+SceneAddresses sceneAddresses(const SceneBuffers& buffers);
 
 }  // namespace probelab
