@@ -48,6 +48,12 @@ class Progress:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
+def scene_name(scene):
+    """scenes/thin_wall/scene_05cm.toml is thin_wall_05cm."""
+    path = pathlib.Path(scene)
+    return path.parent.name + (path.stem.removeprefix("scene") if path.stem != "scene" else "")
+
+
 class Study:
     def __init__(self, study, program, folder, device):
         self.study, self.program, self.folder = study, program, folder
@@ -75,10 +81,7 @@ class Study:
     def scene(self, scene):
         """All steps of one scene; returns the evaluations, one a preset."""
         s = self.study
-        path = pathlib.Path(scene)
-        name = path.parent.name
-        if path.stem != "scene":
-            name += path.stem.removeprefix("scene")
+        name = scene_name(scene)
         folder = pathlib.Path(os.path.relpath(self.folder)) / name
         folder.mkdir(parents=True, exist_ok=True)
         toml = scene

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""scripts/setup says what it would do; scripts/count_tests.py counts what ctest wrote."""
+"""scripts/setup says what it would do; scripts/count_tests.py counts what ctest wrote;
+scripts/pipeline.py runs a study and keeps what is done."""
+import json
 import os
 import pathlib
 import subprocess
@@ -7,7 +9,11 @@ import sys
 import tempfile
 import unittest
 
+from support import CliTest, PROGRAM
+
 SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / "scripts"
+sys.path.insert(0, str(SCRIPTS))
+import pipeline_report  # noqa: E402
 CASES = {
     "passed": '<testcase name="a" status="run"/>',
     "failed": '<testcase name="b" status="fail"><failure message=""/></testcase>',
@@ -77,6 +83,133 @@ class Setup(unittest.TestCase):
             result = subprocess.run([SCRIPTS / script, "--bogus"], capture_output=True, text=True)
             self.assertEqual(result.returncode, 2)
             self.assertIn("--bogus", result.stderr)
+
+
+TINY_STUDY = """
+receivers = 64
+rel_error = 0.1
+[[bench]]
+name = "tiny"
+scene = "scenes/pillar_hall/scene.toml"
+probes = 16
+rays = 16
+updates = 2
+[[ablation]]
+name = "presets"
+probes = 16
+rays = 32
+updates = 2
+scenes = ["scenes/missing/scene.toml", "scenes/cornell/scene.toml"]
+"""
+
+# A program that benches once, then is interrupted.
+STUB = """#!/bin/sh
+test "$1" = bench || exit 130
+echo '{"stages": {"update": {"median_ms": 2, "p5_ms": 1, "p95_ms": 3}}, "baselines": {},'
+echo '"ratios": {"trace_vs_bare": 0.5}, "stage_sum_share": 1, "rays_per_s": {"trace": 3e6},'
+echo '"frame_ms": 4, "memory": {"atlas_per_probe": 1536}, "updates": 2, "probes": 16, "rays": 16,'
+echo '"scene": "hall/scene", "sweep": null, "provenance": {"device": "d", "tracer": "t", "seed": 7,'
+echo '"version": "v1"}}'
+"""
+
+
+class Pipeline(CliTest):
+    def pipeline(self, *options, program=PROGRAM):
+        return subprocess.run(
+            [sys.executable, "-B", SCRIPTS / "pipeline.py", "--program", program, "--study",
+             self.folder / "study.toml", "--results", self.folder / "runs" / "pipeline", *options],
+            cwd=self.folder, capture_output=True, text=True, timeout=300)
+
+    def setUp(self):
+        super().setUp()
+        (self.folder / "study.toml").write_text(TINY_STUDY)
+        self.results = self.folder / "runs" / "pipeline"
+
+    def test_a_failed_run_leaves_the_others_and_is_named(self):
+        result = self.pipeline()
+        self.assertEqual(result.returncode, 1, result.stderr)
+        self.assertIn("presets_missing: probelab: scenes/missing/scene.toml", result.stderr)
+        self.assertEqual(result.stdout.splitlines()[-1], str(self.results / "pipeline.md"))
+        text = (self.results / "pipeline.md").read_text()
+        self.assertTrue(result.stdout.startswith(text))
+        self.assertIn("1 of 3 runs are missing", text)
+        files = {p.name: p for p in self.results.iterdir()}
+        self.assertEqual(set(files), {"pipeline.md", "bench_tiny.json", "presets_cornell.json"})
+        self.assertLess(files["presets_cornell.json"].stat().st_size, 60000)
+        presets = json.loads(files["presets_cornell.json"].read_text())
+        self.assertEqual(presets["provenance"]["seed"], 1)
+        by_name = {line.split("|")[1].strip(): [c.strip() for c in line.split("|")[2:-1]]
+                   for line in text.splitlines() if line.startswith("|")}
+        rows = {row["row"]: row for row in presets["ablation"]}
+        for name in ("classic", "gdc2019", "majercik2021", "probelab"):
+            of, cells = rows[name], by_name[name]
+            self.assertAlmostEqual(float(cells[0]) / of["error"]["nrmse"], 1, delta=0.005)
+            self.assertEqual(float(cells[3]), of["memory"]["atlas_per_probe"])
+            self.assertAlmostEqual(float(cells[4]) / of["ratios"]["update_ms"], 1, delta=0.005)
+        self.assertEqual(by_name["rtxgi"][4], "1.00")
+        # What is there is not run again.
+        before = {p: p.stat().st_mtime_ns for p in self.results.glob("*.json")}
+        again = self.pipeline("--resume")
+        self.assertEqual((self.results / "pipeline.md").read_text(), text, again.stderr)
+        self.assertEqual({p: p.stat().st_mtime_ns for p in self.results.glob("*.json")}, before)
+
+    def test_an_interrupt_leaves_what_is_done(self):
+        stub = self.folder / "stub"
+        stub.write_text(STUB)
+        stub.chmod(0o755)
+        result = self.pipeline(program=stub)
+        self.assertEqual(result.returncode, 130, result.stderr)
+        self.assertIn("interrupted; finished runs are kept", result.stderr)
+        text = (self.results / "pipeline.md").read_text()
+        self.assertIn("**Incomplete (interrupted): 2 of 3 runs are missing.**", text)
+        self.assertIn("- presets_cornell: not run", text)
+        self.assertRegex(text, r"\| update, ms +\| +2\.00 \| +1\.00 \| +3\.00 \|")
+        self.assertIn("N = 16 probes, 16 rays. Device d, tracer t, seed 7, version v1. `probelab "
+                      "bench scenes/pillar_hall/scene.toml --probes 16 --rays 16 --updates 2`",
+                      text)
+        self.assertTrue((self.results / "bench_tiny.json").exists())
+
+    def test_a_study_that_lacks_a_key_is_a_usage_error(self):
+        (self.folder / "study.toml").write_text(TINY_STUDY.replace("rel_error", "error"))
+        result = self.pipeline()
+        self.assertEqual(result.returncode, 2)
+        self.assertIn("rel_error", result.stderr.splitlines()[-1])
+        self.assertFalse(self.results.exists())
+
+
+def ablation_row(name, nrmse, factor, update, same=False):
+    return {"row": name, "error": {"nrmse": nrmse}, "same_estimates": same, "rays_per_probe": 32,
+            "memory": {"atlas_per_probe": 1536}, "probes": {"stored": 20},
+            "ratios": {"nrmse": factor, "update_ms": update, "trace_ms": 1.0,
+                       "query_ns_per_point": 1.0}}
+
+
+class PipelineReport(unittest.TestCase):
+    def test_numbers_have_three_digits(self):
+        for value, text in ((None, "-"), (0, "0"), (1.0, "1.00"), (0.99951, "1.00"),
+                            (0.012345, "0.0123"), (-0.5, "-0.500"), (12345.0, "12,300"),
+                            (99.96, "100"), (2.5e-7, "2.50e-07")):
+            self.assertEqual(pipeline_report.number(value), text)
+
+    def test_factors_by_scene_and_their_geometric_mean(self):
+        base = ablation_row("base", 0.1, 1.0, 1.0)
+        skipped = [{"row": "nothing", "why": "changes nothing here"}]
+        scenes = [{"ablation": [base, ablation_row("blind", 0.2, 2.0, 0.5),
+                                ablation_row("exact", 0.1, 1.0, 1.0, same=True)],
+                   "ablation_skipped": skipped},
+                  {"ablation": [base, ablation_row("blind", 0.8, 8.0, 0.5)],
+                   "ablation_skipped": skipped + [{"row": "exact", "why": "no texture"}]}]
+        (table,), caption = pipeline_report.factor_tables(["a", "b"], scenes)
+        cells = [[c.strip() for c in line.split("|")[1:-1]] for line in table.splitlines()]
+        # No column for probes and rays: no row changes them.
+        self.assertEqual(cells[0], ["row", "a", "b", "mean", "B/probe", "update", "trace", "query"])
+        self.assertEqual(cells[2][:3], ["base nrmse", "0.100", "0.100"])
+        # sqrt(2 * 8) = 4
+        self.assertEqual(cells[4][:4], ["blind", "2.00", "8.00", "4.00"])
+        self.assertEqual(cells[4][4:], ["1536", "0.500", "1.00", "1.00"])
+        self.assertEqual(cells[5][:4], ["exact", "=", "-", "1.00"])
+        self.assertIn("Left out in every scene: nothing (changes nothing here).", caption)
+        self.assertEqual(len({len(line) for line in table.splitlines()}), 1)
 
 
 if __name__ == "__main__":
