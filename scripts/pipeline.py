@@ -41,7 +41,7 @@ def plan(study):
         runs.append({"kind": "bench", "table": bench["name"], "scene": scene_name(bench["scene"]),
                      "file": f"bench_{bench['name']}.json",
                      "arguments": ["bench", bench["scene"], *flags(settings)],
-                     "cost": 120 if bench.get("sweep") else 20})
+                     "cost": 150 if bench.get("sweep") else 40})
     truth = ["--count", str(study["receivers"]), "--rel-error", str(study["rel_error"])]
     for table in study.get("ablation", []):
         name = table["name"]

@@ -107,7 +107,7 @@ def presets_tables(scenes, results):
         floor = results[i]["ablation"][0]["error"]["floor"]
         detail.append([scene, number(floor), *(number(of[i]["error"]["nrmse"]) if i in of else "-"
                                                for of in rows.values())])
-    caption = (f"nrmse: geometric mean over {len(scenes)} scenes; leaks: mean; B/probe: texels a "
+    caption = (f"nrmse: geometric mean over scenes; leaks: mean; B/probe: texels a "
                f"probe; update, query: time over that of {base} in the same run, geometric mean. "
                "floor: noise of the truth in nrmse.")
     return [aligned(summary), aligned(detail)], caption
@@ -134,8 +134,9 @@ def factor_tables(scenes, results):
     told = [i for i, title in enumerate(table[0])
             if title not in ("probes", "rays") or any(r[i] != "1.00" for r in table[2:])]
     table = [[r[i] for i in told] for r in table]
-    caption = ("Over the base's in the same run: nrmse by scene and its geometric mean; probes, "
-               "rays a probe; times of an update, its tracing and a query, geometric means. "
+    counts = "".join(f"{title}, " for title in ("probes", "rays") if title in table[0])
+    caption = (f"Over the base's in the same run: nrmse by scene and its geometric mean; {counts}"
+               "times of an update, its tracing and a query, geometric means. "
                "B/probe: texels a probe. =: the same estimates bit for bit; -: the row changes "
                "nothing in that scene or does not apply.")
     skipped = [{s["row"]: s["why"] for s in r["ablation_skipped"]} for r in results]
