@@ -57,41 +57,28 @@ std::vector<std::pair<std::string, bool>> sceneBufferUse(const SceneFeatures& f)
 }
 
 std::size_t shadeWords(const SceneFeatures& features, const Params& params) {
-  Names inputs = {"RAYS", "HITS", "SURFACES"};
-  for (const auto& [name, used] : sceneBufferUse(features))
-    if (used) inputs.push_back(name);
   Defines defines = sceneDefines(features);
   if (features.textures && params.texture_footprint > 0)
     defines.emplace_back("PL_TEXTURE_LOD", "1");
-  return wordsOf("ddgi/shade.comp.glsl", defines, inputs);
+  return wordsOf("ddgi/shade.comp.glsl", defines, features.sky ? Names{"SKY"} : Names{});
 }
 
 std::size_t lightWords(const SceneFeatures& features, int pass) {
   Defines defines = sceneDefines(features);
   defines.emplace_back("PL_LIGHT_PASS", std::to_string(pass));
-  return wordsOf("ddgi/light.comp.glsl", defines,
-                 {"LIGHTS", "SURFACES", pass == 0 ? "SHADOW_RAYS" : "OCCLUDED"});
+  return wordsOf("ddgi/light.comp.glsl", defines, {"LIGHTS"});
 }
 
-Defines queryDefines(const Params& params) {
-  return fieldDefines(params, {.moved = params.relocation != 0, .full = false});
-}
+LayoutUse layoutUse(const Params& params) { return {.moved = params.relocation != 0}; }
 
 std::size_t queryWords(const Params& params) {
-  return wordsOf("ddgi/query.comp.glsl", queryDefines(params), {"FIELD", "COUNTERS", "RESULTS"});
+  return wordsOf("ddgi/query.comp.glsl", fieldDefines(params, layoutUse(params)),
+                 {"FIELD", "COUNTERS", "RESULTS"});
 }
 
 std::size_t resolveWords(const Params& params) {
-  const auto flag = [](bool on) { return std::string(on ? "1" : "0"); };
-  Defines defines = queryDefines(params);
-  const bool distances = params.visibility != 0;
-  defines.insert(defines.end(), {{"PL_STORE_IRRADIANCE", "0"},
-                                 {"PL_STORE_DISTANCES", flag(distances)},
-                                 {"PL_FEEDBACK", flag(params.feedback != 0)},
-                                 {"PL_RADIANCE_CLAMP", flag(params.radiance_clamp > 0)}});
-  Names inputs = {"FIELD", "COUNTERS", "RADIANCE"};
-  if (distances) inputs.push_back("DISTANCES");
-  return wordsOf("ddgi/resolve.comp.glsl", defines, inputs);
+  return wordsOf("ddgi/resolve.comp.glsl",
+                 resolveDefines(params, layoutUse(params), RayUse::probes), {"FIELD", "COUNTERS"});
 }
 
 Json partsJson(const SceneFeatures& f, const Params& p) {

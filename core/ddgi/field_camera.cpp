@@ -19,13 +19,9 @@ FieldCamera::FieldCamera(GpuContext& context, ProbeField& field, const Scene& sc
       batch_(context, scene, embree, field.options().tracer, kRaysAtOnce),
       recorder_(context) {
   const FieldAccess access = field.access();
-  Defines defines = access.defines;
-  defines.insert(defines.end(), {{"PL_STORE_IRRADIANCE", "1"},
-                                 {"PL_STORE_DISTANCES", "0"},
-                                 {"PL_FEEDBACK", "1"},
-                                 {"PL_RADIANCE_CLAMP", "0"}});
-  std::vector<StageInput> inputs = access.inputs;
-  resolve_ = makeStage(context, "ddgi/resolve.comp.glsl", defines, inputs, sizeof(ResolvePush));
+  resolve_ = makeStage(context, "ddgi/resolve.comp.glsl",
+                       resolveDefines(field.params(), access.layout, RayUse::camera), access.inputs,
+                       sizeof(ResolvePush));
 }
 
 ShadedRays FieldCamera::shade(std::span<const Ray> rays) {

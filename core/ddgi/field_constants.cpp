@@ -57,4 +57,15 @@ Defines fieldDefines(const Params& params, const LayoutUse& use) {
   return defines;
 }
 
+Defines resolveDefines(const Params& params, const LayoutUse& layout, RayUse rays) {
+  const bool camera = rays == RayUse::camera;
+  Defines defines = fieldDefines(params, layout);
+  const auto flag = [&](const char* name, bool on) { defines.emplace_back(name, on ? "1" : "0"); };
+  flag("PL_STORE_IRRADIANCE", camera);
+  flag("PL_STORE_DISTANCES", !camera && params.visibility != 0);
+  flag("PL_FEEDBACK", camera || params.feedback != 0);
+  flag("PL_RADIANCE_CLAMP", !camera && params.radiance_clamp > 0);
+  return defines;
+}
+
 }  // namespace probelab

@@ -132,7 +132,7 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
 FieldAccess ProbeField::access() const {
   FieldAccess access;
   const bool full = states_.activeCount() == layout_.probe_of_point.size();
-  access.defines = fieldDefines(params_, {.moved = moved_, .full = full});
+  access.layout = {.moved = moved_, .full = full};
   access.inputs = {{"FIELD", &field_constants_, true}, {"COUNTERS", &counter_buffer_}};
   const auto copy = static_cast<std::size_t>(current_);
   access.addresses = {.irradiance = irradiance_.copies[copy].address(),
@@ -145,17 +145,13 @@ FieldAccess ProbeField::access() const {
 
 void ProbeField::createFieldStages(GpuContext& context) {
   const FieldAccess field = access();
-  Defines defines = field.defines;
-  const bool distances = params_.visibility != 0;
-  defines.emplace_back("PL_STORE_IRRADIANCE", "0");
-  defines.emplace_back("PL_STORE_DISTANCES", distances ? "1" : "0");
-  defines.emplace_back("PL_FEEDBACK", params_.feedback != 0 ? "1" : "0");
-  defines.emplace_back("PL_RADIANCE_CLAMP", params_.radiance_clamp > 0 ? "1" : "0");
+  resolve_ = makeStage(context, "ddgi/resolve.comp.glsl",
+                       resolveDefines(params_, field.layout, RayUse::probes), field.inputs,
+                       sizeof(ResolvePush));
   std::vector<StageInput> inputs = field.inputs;
-  resolve_ = makeStage(context, "ddgi/resolve.comp.glsl", defines, inputs, sizeof(ResolvePush));
-  inputs = field.inputs;
   inputs.push_back({"RESULTS", &counter_buffer_});  // bound anew by every query
-  query_ = makeStage(context, "ddgi/query.comp.glsl", field.defines, inputs, sizeof(QueryPush));
+  query_ = makeStage(context, "ddgi/query.comp.glsl", fieldDefines(params_, field.layout), inputs,
+                     sizeof(QueryPush));
   if (params_.variability_threshold <= 0 && !reduced_) return;
   stats_buffer_ = createBuffer(context, probeCount() * sizeof(Vec3f), MemoryUse::device, "stats");
   stats_ = makeStage(context, "ddgi/probe_stats.comp.glsl", atlasDefines(params_),

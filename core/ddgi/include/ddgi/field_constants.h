@@ -22,4 +22,9 @@ struct LayoutUse {
 // The query's modes and the atlases' formats, as stages are specialised to them.
 Defines fieldDefines(const Params& params, const LayoutUse& use);
 
+// The same for resolve.comp.glsl: rays of probes, or of a camera, which wants the irradiance at the
+// hit, always the bounce and never a clamp.
+enum class RayUse { probes, camera };
+Defines resolveDefines(const Params& params, const LayoutUse& layout, RayUse rays);
+
 }  // namespace probelab

@@ -15,6 +15,7 @@
 
 #include "ddgi/blend_stage.h"
 #include "ddgi/constants.h"
+#include "ddgi/field_constants.h"
 #include "ddgi/layout.h"
 #include "ddgi/params.h"
 #include "ddgi/probe_atlas.h"
@@ -47,10 +48,10 @@ struct Counters {
   uint32_t unoccluded_answers = 0, nearest_answers = 0, empty_answers = 0;
 };
 
-// What a stage needs to query the field: defines, buffers bound by name, addresses in its push
-// constants (valid until the next update).
+// What a stage needs to query the field: what to specialise to, buffers bound by name, addresses in
+// its push constants (valid until the next update).
 struct FieldAccess {
-  Defines defines;
+  LayoutUse layout;
   std::vector<StageInput> inputs;
   FieldAddresses addresses;
 };
