@@ -102,6 +102,7 @@ inline Vec3d mixByHand(const Params& params, double hysteresis, const Vec3d& bef
   const double half = std::pow(0.5, 1 / params.encoding_gamma);
   const bool rtxgi = params.change_detector == PL_CHANGE_RTXGI;
   if (rtxgi) {
+    if (dot(before, before) == 0) h = 0;  // a black texel is written for the first time
     const Vec3d delta = (after - before) * half;
     if (maxComponent(-delta) > params.change_threshold) h = std::max(0.0, h - params.change_drop);
     if (dot(delta, luminance) > params.brightness_threshold)
