@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/error.h"
 #include "base/interrupt.h"
@@ -22,16 +23,16 @@ double fieldSum(const std::vector<Vec3f>& texels, double gamma) {
   return sum;
 }
 
-// Relative change of a value below which nearest rounding leaves the stored texel as it is.
+// Relative change of linear irradiance below which nearest rounding may leave a stored texel as it
+// is: half a unit in the last place at the bottom of a binade, times gamma.
 double stallUnit(const Params& params) {
-  if (params.rounding != 0) return 0;
   switch (params.irradiance_format) {
     case PL_FORMAT_RGBA32F:
-      return params.encoding_gamma * 0x1p-25;
+      return params.encoding_gamma * 0x1p-24;
     case PL_FORMAT_RGBA16F:
-      return params.encoding_gamma * 0x1p-12;
+      return params.encoding_gamma * 0x1p-11;
     case PL_FORMAT_R11G11B10F:
-      return params.encoding_gamma * 0x1p-7;  // of the blue channel, in the middle of a binade
+      return params.encoding_gamma * 0x1p-6;  // of the blue channel
     default:
       return params.encoding_gamma * 0x1p-10;  // at half of full scale
   }
@@ -41,8 +42,11 @@ double stallUnit(const Params& params) {
 // whether the series has ended. (Sums, because dithered rounding never leaves all texels alone.)
 class SettleTest {
  public:
-  SettleTest(double tolerance, double stall_unit)
-      : tolerance_(tolerance), stall_unit_(stall_unit) {}
+  SettleTest(double tolerance, const Params& params)
+      : tolerance_(tolerance),
+        stall_unit_(params.rounding == 0 ? stallUnit(params) : 0),
+        rounded_(params.irradiance_format != PL_FORMAT_RGBA32F),
+        clean_above_(rounded_ ? std::max(kRoundingFloor, 4 * stall_unit_) : 0) {}
 
   bool add(double before, double after) {
     const double change = after > 0 ? std::abs(after - before) / after : 0;
@@ -54,23 +58,38 @@ class SettleTest {
       return true;
     }
     if (n < 3) return false;
-    const auto ratioOver = [&](std::size_t steps) {
-      return std::pow(change / changes_[n - 1 - steps], 1.0 / static_cast<double>(steps));
-    };
-    // The longer look back is not misled by one small step.
-    ratio_ =
-        std::clamp(std::max(ratioOver(2), n > kWindow ? ratioOver(kWindow) : 0.0), 0.0, 0.99999);
-    remaining_ = change * ratio_ / (1 - ratio_);
+    // Small formats bury a small change in rounding noise: then the last clean ratio counts.
+    if (change > clean_above_ || n <= 4) ratio_ = ratioNow();
+    const double level = rounded_ ? meanOfLast(std::min(n, kWindow)) : change;
+    remaining_ = level * ratio_ / (1 - ratio_);
     if (remaining_ <= tolerance_) return true;
-    // A format's rounding keeps a small change alive: stop once it no longer falls.
-    return n > kWindow && change < kRoundingFloor && change > 0.98 * changes_[n - 1 - kWindow];
+    return rounded_ && n >= 2 * kWindow && level < kRoundingFloor &&
+           level > 0.95 * meanOfLast(kWindow, kWindow);
   }
   double ratio() const { return ratio_; }
   double remaining() const { return remaining_; }
 
  private:
   static constexpr std::size_t kWindow = 8;
-  double tolerance_, stall_unit_, ratio_ = 0, remaining_ = 1;
+
+  // Over two steps and over eight, the larger: one small step does not mislead the longer look.
+  double ratioNow() const {
+    const std::size_t n = changes_.size();
+    const auto over = [&](std::size_t steps) {
+      return std::pow(changes_[n - 1] / changes_[n - 1 - steps], 1.0 / static_cast<double>(steps));
+    };
+    return std::clamp(std::max(over(2), n > kWindow ? over(kWindow) : 0.0), 0.0, 0.99999);
+  }
+  double meanOfLast(std::size_t count, std::size_t skip = 0) const {
+    const auto last = changes_.end() - static_cast<std::ptrdiff_t>(skip);
+    return std::accumulate(last - static_cast<std::ptrdiff_t>(count), last, 0.0) /
+           static_cast<double>(count);
+  }
+
+  double tolerance_, stall_unit_;
+  bool rounded_;
+  double clean_above_;  // changes that rounding does not disturb
+  double ratio_ = 0, remaining_ = 1;
   std::vector<double> changes_;
 };
 
@@ -86,7 +105,7 @@ ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
   PROBELAB_CHECK(field.options().accumulate);
   ConvergeReport report;
   const double gamma = field.params().encoding_gamma;
-  SettleTest settle(options.tolerance, stallUnit(field.params()));
+  SettleTest settle(options.tolerance, field.params());
   double before = fieldSum(field.irradianceTexels(), gamma);
   report.settled = false;
   while (!report.settled && report.burn_in_updates < options.max_burn_in) {
