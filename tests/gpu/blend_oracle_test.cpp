@@ -135,6 +135,34 @@ TEST_F(BlendStages, ProbesThatMovedOrSleepEqualTheFormulas) {
   }
 }
 
+// Above a plate that faces down, probes see less of its back the higher they are. Those that see
+// more than their share keep what they had, here nothing; the others are as the formulas say.
+TEST_F(BlendStages, ProbesFreezeAboveTheirShareOfBackFaces) {
+  test::SceneBuilder builder;
+  builder.quad(Vec3f(-1, 0, -1), Vec3f(1, 0, -1), Vec3f(1, 0, 1), Vec3f(-1, 0, 1),
+               builder.material(Vec3f(0.5f)));
+  builder.scene().sky.radiance = Vec3f(1, 2, 3);
+  builder.scene().bounds = {Vec3f(-2), Vec3f(2, 6, 2)};
+  const FieldScene scene(builder.finish());
+  const ProbeLayout layout = boxLayout({Vec3f(-0.1f, 0.1f, -0.1f), Vec3f(0.1f, 5, 0.1f)},
+                                       Vec3i(1, 24, 1), scene.scene.bounds);
+  for (const double share : {0.05, 0.1, 0.3}) {
+    Params params = exactParams("rtxgi");
+    params.rays = 200;
+    params.backface_freeze = share;
+    const auto field = scene.field(gpu(), layout, params);
+    const UpdateByHand hand(scene, *field);
+    const Texels expected = hand.update(0, 0, test::storedTexels(*field), nullptr);
+    field->update(0, {}, {});
+    test::expectTexels(*field, expected);
+    const Texels stored = test::storedTexels(*field);
+    int frozen = 0;
+    for (std::size_t p = 0; p < 24; ++p) frozen += stored.irradiance[p * 36] == Vec3d(0) ? 1 : 0;
+    EXPECT_GE(frozen, 1) << share;
+    EXPECT_LE(frozen, 20) << share;
+  }
+}
+
 // 65,536 probes; the first, and every 977th, by hand.
 TEST_F(BlendStages, ALatticeOf64By16By64ProbesEqualsTheFormulas) {
   const FieldScene scene(test::randomRoom(3));
