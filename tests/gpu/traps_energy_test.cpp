@@ -193,7 +193,7 @@ INSTANTIATE_TEST_SUITE_P(Presets, Traps98,
 class ShippedFormats : public GpuTest, public ::testing::WithParamInterface<const char*> {};
 
 TEST_P(ShippedFormats, Trap11ConvergedIsTheClosedFormOrSaysWhatIsMissing) {
-  for (const float albedo : {0.7f, 0.9f}) {
+  for (const float albedo : {0.7f, 0.9f, 0.98f}) {
     const FieldScene scene(test::furnaceScene(albedo, 10));
     Params params = loadParams(GetParam());
     params.rays = 32;
@@ -208,15 +208,18 @@ TEST_P(ShippedFormats, Trap11ConvergedIsTheClosedFormOrSaysWhatIsMissing) {
     // The answer itself is rounded once: half an ulp of the green channel.
     const double level = 10 / (1 - static_cast<double>(albedo));
     const double rounded = 0.5 * test::irradianceUlp(params.irradiance_format, 1, level) / level;
+    // A step, (1 - albedo) of what is missing, drowns in the dither's noise of the field's sum: an
+    // ulp of 0.8 % x 0.4 over the root of 27 x 100 x 3 texels, 4e-5; four of these.
     if (params.rounding != 0)
-      EXPECT_LT(std::abs(missing), rounded + 1e-3) << albedo;
+      EXPECT_LT(std::abs(missing), rounded + 1.5e-4 / (1 - static_cast<double>(albedo))) << albedo;
     else
       EXPECT_LT(missing, report.remaining + rounded) << albedo;
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Presets, ShippedFormats,
-                         ::testing::Values("classic", "gdc2019", "probelab"),
+                         ::testing::Values("classic", "gdc2019", "majercik2021", "rtxgi",
+                                           "probelab"),
                          [](const auto& info) { return std::string(info.param); });
 
 // Under history the series contracts by 1 - (1 - h)(1 - albedo) an update: at h 0.97 and albedo
