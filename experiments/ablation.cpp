@@ -152,13 +152,13 @@ std::string whyNot(const AblationCase& row, const AblationCase& base) {
 
 std::vector<std::string> ablationNames() {
   std::vector<std::string> names;
-  for (const AblationFile& file : ablationFiles()) names.emplace_back(file.name);
+  for (const EmbeddedFile& file : ablationFiles()) names.emplace_back(file.name);
   return names;
 }
 
 Ablation loadAblation(const std::string& name_or_file) {
   Ablation ablation;
-  for (const AblationFile& file : ablationFiles())
+  for (const EmbeddedFile& file : ablationFiles())
     if (file.name == name_or_file) {
       ablation = readAblation(file.text, name_or_file + ".toml");
       ablation.name = name_or_file;

@@ -3,15 +3,11 @@
 #pragma once
 
 #include <span>
-#include <string_view>
+
+#include "base/embedded_file.h"
 
 namespace probelab {
 
-struct AblationFile {
-  std::string_view name;  // the file's name without .toml
-  std::string_view text;
-};
-
-std::span<const AblationFile> ablationFiles();
+std::span<const EmbeddedFile> ablationFiles();
 
 }  // namespace probelab

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "resolve_push.h"
+#include "push_constants.h"
 
 namespace probelab {
 namespace {

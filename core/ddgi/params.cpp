@@ -71,8 +71,8 @@ const ParamKey& findKey(const std::string& name, const std::string& where) {
   throwInput("{}: unknown parameter '{}'{}", where, name, suggestion(name, keyNames()));
 }
 
-const PresetFile* findPreset(const std::string& name) {
-  for (const PresetFile& preset : presetFiles())
+const EmbeddedFile* findPreset(const std::string& name) {
+  for (const EmbeddedFile& preset : presetFiles())
     if (preset.name == name) return &preset;
   return nullptr;
 }
@@ -122,13 +122,13 @@ std::vector<ParamInfo> paramTable() {
 
 std::vector<std::string> presetNames() {
   std::vector<std::string> names;
-  for (const PresetFile& preset : presetFiles()) names.push_back(preset.name);
+  for (const EmbeddedFile& preset : presetFiles()) names.push_back(preset.name);
   return names;
 }
 
 Params loadParams(const std::string& preset_or_file) {
   Params params;
-  if (const PresetFile* preset = findPreset(preset_or_file)) {
+  if (const EmbeddedFile* preset = findPreset(preset_or_file)) {
     params = readParams(preset->text, preset_or_file + ".toml", true);
     params.name = preset_or_file;
   } else {

@@ -8,17 +8,11 @@
 #include "base/timer.h"
 #include "ddgi/directions.h"
 #include "ddgi/field_constants.h"
-#include "resolve_push.h"
+#include "push_constants.h"
 
 namespace probelab {
 namespace {
 
-struct GeneratePush {
-  uint32_t item_count;
-  RayItems items;
-  uint32_t unused;
-  uint64_t rays;
-};
 struct QueryPush {
   uint32_t item_count, unused;
   FieldAddresses field;

@@ -5,16 +5,11 @@
 #include <limits>
 
 #include "ddgi/directions.h"
+#include "push_constants.h"
 
 namespace probelab {
 namespace {
 
-struct GeneratePush {
-  uint32_t item_count;
-  RayItems items;
-  uint32_t unused;
-  uint64_t rays;
-};
 struct StatePush {
   RayItems items;
   uint32_t ray_count, near_surface;

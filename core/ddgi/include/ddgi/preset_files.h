@@ -1,17 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The presets' TOML files as they were built into the library (generated from core/ddgi/presets).
+// The presets that are built into the library: core/ddgi/presets/*.toml.
 #pragma once
 
 #include <span>
-#include <string>
-#include <string_view>
+
+#include "base/embedded_file.h"
 
 namespace probelab {
 
-struct PresetFile {
-  std::string name;
-  std::string_view text;
-};
-std::span<const PresetFile> presetFiles();
+std::span<const EmbeddedFile> presetFiles();
 
 }  // namespace probelab

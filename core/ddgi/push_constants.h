@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Push constants of resolve.comp.glsl.
+// Push constants of stages that more than one file runs.
 #pragma once
 
 #include "ddgi/constants.h"
@@ -7,7 +7,14 @@
 
 namespace probelab {
 
-struct ResolvePush {
+struct GeneratePush {  // generate.comp.glsl
+  uint32_t item_count;
+  RayItems items;
+  uint32_t unused;
+  uint64_t rays;
+};
+
+struct ResolvePush {  // resolve.comp.glsl
   uint32_t item_count;
   float radiance_clamp;  // nit
   FieldAddresses field;
