@@ -85,6 +85,15 @@ toml::table parseToml(std::string_view text, const std::string& path) {
   }
 }
 
+// A line of TOML; an empty table where it is none.
+toml::table parseValue(const std::string& line) {
+  try {
+    return toml::parse(line);
+  } catch (const toml::parse_error&) {
+    return {};
+  }
+}
+
 Params readParams(std::string_view text, const std::string& path, bool is_preset) {
   const toml::table table = parseToml(text, path);
   Params params;
@@ -150,11 +159,12 @@ void setParam(Params& params, const std::string& assignment) {
   const std::string name = assignment.substr(0, equals);
   const std::string value = assignment.substr(equals + 1);
   const ParamKey& key = findKey(name, where);
-  const bool bare_name =
-      std::holds_alternative<ChoiceKey>(key.kind) && value.find('"') == std::string::npos;
+  const bool bare_name = std::holds_alternative<ChoiceKey>(key.kind) &&
+                         value.find_first_of("\"'") == std::string::npos;
   const toml::table table =
-      parseToml(bare_name ? fmt::format("v = \"{}\"", value) : "v = " + value, where);
-  if (table.get("v") == nullptr || table.size() != 1) throwInput("{}: one value is needed", where);
+      parseValue(bare_name ? fmt::format("v = \"{}\"", value) : "v = " + value);
+  if (table.get("v") == nullptr || table.size() != 1)
+    throwInput("{}: '{}' is not one value; {} takes {}", where, value, name, rangeText(key));
   assign(params, key, *table.get("v"), where);
   params.name += fmt::format(" {}={}", name, value);
   validateParams(params);
