@@ -11,6 +11,7 @@
 #include "base/build_info.h"
 #include "base/files.h"
 #include "commands.h"
+#include "common_options.h"
 #include "device.h"
 #include "evaluation.h"
 #include "field_dump.h"
@@ -291,6 +292,7 @@ void addEvaluateCommand(Program& program) {
                                  "leaks and times beside the base's: {} or a TOML file",
                                  fmt::join(ablationNames(), ", ")))
           ->type_name("NAME|FILE")
+          ->check(checkNamed)
           ->group("Output");
   for (const char* other : {"--dump", "--dump-field"}) ablation->excludes(app.get_option(other));
 }

@@ -106,6 +106,8 @@ std::string checkSeed(const std::string& text) {
   return "'" + text + "' is not a whole number of at most 64 bits";
 }
 
+std::string checkNamed(const std::string& text) { return text.empty() ? "a name is needed" : ""; }
+
 void checkOutput(const std::filesystem::path& path, const std::string& extension) {
   if (path.extension() != extension)
     throwInput("{}: the name of this output must end in {}", path.string(), extension);

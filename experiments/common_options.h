@@ -40,7 +40,8 @@ std::string checkPositive(const std::string& text);         // a finite number a
 std::string checkNotNegative(const std::string& text);      // a finite number from 0 on
 std::string checkPositiveInteger(const std::string& text);  // 1 ... 2^31 - 1
 std::string checkFinite(const std::string& text);
-std::string checkSeed(const std::string& text);  // 0 ... 2^64 - 1
+std::string checkSeed(const std::string& text);   // 0 ... 2^64 - 1
+std::string checkNamed(const std::string& text);  // not empty
 
 // Throws InputError unless the path ends in `extension` (".exr") and can be created.
 void checkOutput(const std::filesystem::path& path, const std::string& extension);
