@@ -253,9 +253,11 @@ std::string formatAblation(const Json& result) {
   for (const Json& row : result["ablation_skipped"])
     text += fmt::format("skipped: {}: {}\n", row["row"].get<std::string>(),
                         row["why"].get<std::string>());
-  return text +
-         fmt::format("\nx: over the base row; times are medians of {} rounds over all rows\n",
-                     result["rounds"].get<int>());
+  return text + fmt::format(
+                    "\nx: over the base row, of times the median of the ratios within each of {} "
+                    "rounds over all rows; "
+                    "so it need not equal the ratio of the medians\n",
+                    result["rounds"].get<int>());
 }
 
 }  // namespace probelab

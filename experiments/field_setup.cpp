@@ -83,8 +83,10 @@ FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocati
     converge.average = options.updates.value_or(kDefaultAveraged);
     run.converged = convergeField(field, converge, record);
     if (!run.converged->settled)
-      note(invocation, "warning: the bounce series has not settled after {} updates",
-           run.converged->burn_in_updates);
+      note(invocation,
+           "warning: the bounce series ended after {} updates with about {:.2g} % still to come; "
+           "rounding=dithered or a finer irradiance_format gets nearer",
+           run.converged->burn_in_updates, 100 * run.converged->remaining);
   }
   return run;
 }

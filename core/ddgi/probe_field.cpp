@@ -147,7 +147,7 @@ void ProbeField::createFieldStages(GpuContext& context) {
   query_ = makeStage(context, "ddgi/query.comp.glsl", fieldDefines(params_, field.layout), inputs,
                      sizeof(QueryPush));
   if (params_.variability_threshold <= 0 && !reduced_) return;
-  stats_buffer_ = createBuffer(context, probeCount() * sizeof(Vec3f), MemoryUse::device, "stats");
+  stats_buffer_ = createBuffer(context, probeCount() * sizeof(Vec4f), MemoryUse::device, "stats");
   stats_ = makeStage(context, "ddgi/probe_stats.comp.glsl", atlasDefines(params_),
                      {{"STATS", &stats_buffer_}}, sizeof(StatsPush));
 }
@@ -212,21 +212,21 @@ void ProbeField::measureProbes() {
                 static_cast<float>(params_.encoding_gamma), 0},
       probeCount());
   recorder_.flush();
-  const auto stats = downloadArray<Vec3f>(context_, stats_buffer_);
-  double mean = 0, variability = 0;
+  const auto stats = downloadArray<Vec4f>(context_, stats_buffer_);
+  double mean = 0, variability = 0, lit_texels = 0;
   for (uint32_t p = 0; p < probeCount(); ++p) {
     if (states_.active[p] == 0) continue;
     mean += static_cast<double>(stats[p].x);
     variability += static_cast<double>(stats[p].z);
+    lit_texels += static_cast<double>(stats[p].w);
   }
-  const double active = states_.activeCount();
-  mean /= active;
-  variability_ = variability / active;
+  mean /= states_.activeCount();
+  variability_ = lit_texels > 0 ? variability / lit_texels : 1;
   if (reduced_) chooseFlatProbes(stats, mean);
 }
 
 // A probe that changes sides again and again takes all rays, or no bounce series would settle.
-void ProbeField::chooseFlatProbes(std::span<const Vec3f> stats, double mean) {
+void ProbeField::chooseFlatProbes(std::span<const Vec4f> stats, double mean) {
   std::vector<uint32_t> list, flat;
   for (uint32_t p = 0; p < probeCount(); ++p) {
     if (states_.active[p] == 0) continue;

@@ -13,6 +13,10 @@ namespace {
 
 constexpr double kForget = 0.1;  // share of the burn-in's own error that may remain
 constexpr int kMaxMixing = 64;
+constexpr double kSettledRemaining = 5e-3;  // more than that is said to the user
+// Directions that find no light at all are replaced, so many times: few rays may miss a small lamp.
+constexpr int kBlackUpdates = 32;
+constexpr uint64_t kOtherRotations = uint64_t{1} << 32;
 constexpr double kRoundingFloor = 2e-3;  // relative change that a small format may keep up for ever
 
 // Sum of the field's linear irradiance over texels and channels.
@@ -46,7 +50,8 @@ class SettleTest {
       : tolerance_(tolerance),
         stall_unit_(params.rounding == 0 ? stallUnit(params) : 0),
         rounded_(params.irradiance_format != PL_FORMAT_RGBA32F),
-        clean_above_(rounded_ ? std::max(kRoundingFloor, 4 * stall_unit_) : 0) {}
+        dithered_(rounded_ && params.rounding != 0),
+        clean_above_(rounded_ ? 4 * std::max(kRoundingFloor, stall_unit_) : 0) {}
 
   bool add(double before, double after) {
     const double change = after > 0 ? std::abs(after - before) / after : 0;
@@ -72,13 +77,16 @@ class SettleTest {
  private:
   static constexpr std::size_t kWindow = 8;
 
-  // Over two steps and over eight, the larger: one small step does not mislead the longer look.
+  // Over eight steps as soon as there are so many, because dither makes single ones odd; without it
+  // over two where that is larger, because the ratio of a series from black still rises.
   double ratioNow() const {
     const std::size_t n = changes_.size();
     const auto over = [&](std::size_t steps) {
       return std::pow(changes_[n - 1] / changes_[n - 1 - steps], 1.0 / static_cast<double>(steps));
     };
-    return std::clamp(std::max(over(2), n > kWindow ? over(kWindow) : 0.0), 0.0, 0.99999);
+    double ratio = over(n > kWindow ? kWindow : 2);
+    if (!dithered_) ratio = std::max(ratio, over(2));
+    return std::clamp(ratio, 0.0, 0.99999);
   }
   double meanOfLast(std::size_t count, std::size_t skip = 0) const {
     const auto last = changes_.end() - static_cast<std::ptrdiff_t>(skip);
@@ -87,7 +95,7 @@ class SettleTest {
   }
 
   double tolerance_, stall_unit_;
-  bool rounded_;
+  bool rounded_, dithered_;
   double clean_above_;  // changes that rounding does not disturb
   double ratio_ = 0, remaining_ = 1;
   std::vector<double> changes_;
@@ -98,28 +106,40 @@ int mixingUpdates(double ratio) {
   return std::min(kMaxMixing, static_cast<int>(std::ceil(std::log(kForget) / std::log(ratio))));
 }
 
+// Fills the report's burn-in part.
+void burnIn(ProbeField& field, const ConvergeOptions& options, const UpdateCallback& on_update,
+            ConvergeReport& report) {
+  const double gamma = field.params().encoding_gamma;
+  SettleTest settle(options.tolerance, field.params());
+  double before = fieldSum(field.irradianceTexels(), gamma);
+  bool ended = false;
+  uint64_t rotation = 0;
+  while (!ended && report.burn_in_updates < options.max_burn_in) {
+    throwIfInterrupted();
+    field.update(rotation, {}, {});
+    ++report.burn_in_updates;
+    const double after = fieldSum(field.irradianceTexels(), gamma);
+    if (after == 0 && report.burn_in_updates < kBlackUpdates) {
+      rotation = kOtherRotations + static_cast<uint64_t>(report.burn_in_updates);
+    } else {
+      ended = settle.add(before, after);
+      before = after;
+    }
+    if (on_update) on_update(report.burn_in_updates, 0);
+  }
+  report.contraction = settle.ratio();
+  report.remaining = settle.remaining();
+  report.settled = ended && settle.remaining() <= std::max(options.tolerance, kSettledRemaining);
+}
+
 }  // namespace
 
 ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
                              const UpdateCallback& on_update) {
   PROBELAB_CHECK(field.options().accumulate);
   ConvergeReport report;
-  const double gamma = field.params().encoding_gamma;
-  SettleTest settle(options.tolerance, field.params());
-  double before = fieldSum(field.irradianceTexels(), gamma);
-  report.settled = false;
-  while (!report.settled && report.burn_in_updates < options.max_burn_in) {
-    throwIfInterrupted();
-    field.update(0, {}, {});
-    ++report.burn_in_updates;
-    const double after = fieldSum(field.irradianceTexels(), gamma);
-    report.settled = settle.add(before, after);
-    before = after;
-    if (on_update) on_update(report.burn_in_updates, 0);
-  }
-  report.contraction = settle.ratio();
-  report.remaining = settle.remaining();
-  report.mixing_updates = mixingUpdates(settle.ratio());
+  burnIn(field, options, on_update, report);
+  report.mixing_updates = mixingUpdates(report.contraction);
   report.average_updates = options.average;
   const int total = report.updates();
   for (int i = 0; i < report.mixing_updates + options.average; ++i) {

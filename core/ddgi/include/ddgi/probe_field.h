@@ -84,9 +84,9 @@ class ProbeField {
   std::vector<Vec3f> irradianceTexels();
   std::vector<Vec2f> momentTexels();
 
-  // Mean over active probes and texels of the last update's coefficient of variation of the stored
-  // values (shaders/ddgi/probe_stats.comp.glsl); 1 before the first update. Kept where the
-  // parameters use it.
+  // Mean over texels of active probes that are not black of the last update's coefficient of
+  // variation of the stored values (shaders/ddgi/probe_stats.comp.glsl); 1 while all are black.
+  // Kept where the parameters use it.
   double variability() const { return variability_; }
 
   Counters counters() const { return counters_; }  // since construction
@@ -131,7 +131,7 @@ class ProbeField {
   void updateProbes(const RaySet& set, uint32_t first, uint32_t count, const BlendMode& irradiance,
                     const BlendMode& moments);
   void measureProbes();
-  void chooseFlatProbes(std::span<const Vec3f> stats, double mean);
+  void chooseFlatProbes(std::span<const Vec4f> stats, double mean);
   bool usesProbeList() const;
 
   GpuContext& context_;
