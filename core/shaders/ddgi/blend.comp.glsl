@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays -> texels ([M19], [RTXGI]). An invocation takes a few probes and a block of texels, all
-// invocations of a workgroup the same block, so that the rays and weights of the block (ddgi/weight_table.h) are
-// the same for all of them. PL_BLEND 0: irradiance, as mean radiance under the cosine, encoded; 1:
+// invocations of a workgroup the same block, so that the rays and weights of the block
+// (ddgi/weight_table.h) are the same for all of them. PL_BLEND 0: irradiance, as mean radiance under the cosine, encoded; 1:
 // mean and mean square of the radial distance in units of r_i. Each texel also writes the border
 // texels that repeat it.
 #version 460

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A stored texel of an atlas. `words` is a WordArray; core/ddgi/include/ddgi/texels.h is the same
-// for the host. Irradiance stays encoded; moments become mean and mean square.
+// for the host. Irradiance stays encoded; moments become mean and mean square. Neither is ever
+// negative, so halves are unpacked without their sign.
 #ifndef PROBELAB_DDGI_TEXELS_GLSL
 #define PROBELAB_DDGI_TEXELS_GLSL
 
@@ -13,8 +14,8 @@ vec3 loadIrradiance(WordArray words, uint texel) {
               uintBitsToFloat(words.at[texel * 4u + 2u]));
 #elif PL_IRRADIANCE_FORMAT == PL_FORMAT_RGBA16F
   uint xy = words.at[texel * 2u];
-  return vec3(unpackHalfFloat(xy & 0xffffu), unpackHalfFloat(xy >> 16u),
-              unpackHalfFloat(words.at[texel * 2u + 1u] & 0xffffu));
+  return vec3(unpackSmallFloat(xy & 0x7fffu, 10u), unpackSmallFloat(xy >> 16u, 10u),
+              unpackSmallFloat(words.at[texel * 2u + 1u] & 0x7fffu, 10u));
 #elif PL_IRRADIANCE_FORMAT == PL_FORMAT_R11G11B10F
   return unpackR11G11B10(words.at[texel]);
 #else
@@ -28,7 +29,7 @@ vec2 loadMoments(WordArray words, uint texel) {
                      uintBitsToFloat(words.at[texel * 2u + 1u]));
 #else
   uint word = words.at[texel];
-  vec2 stored = vec2(unpackHalfFloat(word & 0xffffu), unpackHalfFloat(word >> 16u));
+  vec2 stored = vec2(unpackSmallFloat(word & 0x7fffu, 10u), unpackSmallFloat(word >> 16u, 10u));
 #endif
 #if PL_MOMENT_ENCODING == PL_MOMENTS_CENTRAL
   return vec2(stored.x, stored.x * stored.x + stored.y * stored.y);
