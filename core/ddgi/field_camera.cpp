@@ -17,7 +17,9 @@ FieldCamera::FieldCamera(GpuContext& context, ProbeField& field, const Scene& sc
     : context_(context),
       field_(field),
       batch_(context, scene, embree, field.options().tracer, kRaysAtOnce),
-      recorder_(context) {
+      recorder_(context),
+      hit_irradiance_(
+          createBuffer(context, kRaysAtOnce * sizeof(Vec4f), MemoryUse::device, "hit irradiance")) {
   const FieldAccess access = field.access();
   resolve_ = makeStage(context, "ddgi/resolve.comp.glsl",
                        resolveDefines(field.params(), access.layout, RayUse::camera), access.inputs,
@@ -32,15 +34,17 @@ ShadedRays FieldCamera::shade(std::span<const Ray> rays) {
     const auto count = static_cast<uint32_t>(part.size());
     batch_.uploadRays(part);
     batch_.trace(recorder_, count);
-    recorder_.run("resolve", resolve_,
-                  makeResolvePush(count, 0, field_.access().addresses, buffers), count);
+    recorder_.run(
+        "resolve", resolve_,
+        makeResolvePush(count, 0, field_.access().addresses, buffers, hit_irradiance_.address()),
+        count);
     recorder_.flush();
     const auto fetch = [&](const GpuBuffer& buffer, std::vector<Vec4f>& target) {
       download(context_, buffer,
                std::as_writable_bytes(std::span<Vec4f>(target).subspan(first, part.size())));
     };
     fetch(buffers.radiance, shaded.radiance);
-    fetch(buffers.hit_irradiance, shaded.irradiance);
+    fetch(hit_irradiance_, shaded.irradiance);
   }
   field_.readCounters();
   return shaded;

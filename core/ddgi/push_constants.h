@@ -21,8 +21,10 @@ struct ResolvePush {  // resolve.comp.glsl
   uint64_t surfaces, rays, radiance, distances, hit_irradiance;
 };
 
+// `hit_irradiance`: a camera's buffer for it.
 inline ResolvePush makeResolvePush(uint32_t count, double radiance_clamp,
-                                   const FieldAddresses& field, const RayBuffers& rays) {
+                                   const FieldAddresses& field, const RayBuffers& rays,
+                                   uint64_t hit_irradiance = 0) {
   return {count,
           static_cast<float>(radiance_clamp),
           field,
@@ -30,7 +32,7 @@ inline ResolvePush makeResolvePush(uint32_t count, double radiance_clamp,
           rays.rays.address(),
           rays.radiance.address(),
           rays.distances.address(),
-          rays.hit_irradiance.address()};
+          hit_irradiance};
 }
 
 }  // namespace probelab

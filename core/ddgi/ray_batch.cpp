@@ -35,8 +35,6 @@ RayBuffers makeBuffers(GpuContext& context, uint32_t capacity, bool on_host, boo
   buffers.surfaces = createBuffer(context, n * sizeof(RaySurface), MemoryUse::device, "surfaces");
   buffers.radiance = createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "radiance");
   buffers.distances = createBuffer(context, n * sizeof(float), MemoryUse::device, "distances");
-  buffers.hit_irradiance =
-      createBuffer(context, n * sizeof(Vec4f), MemoryUse::device, "hit irradiance");
   if (has_lights) {
     buffers.shadow_rays = createBuffer(context, n * sizeof(Ray), shared, "shadow rays");
     buffers.occluded = createBuffer(context, n * sizeof(uint32_t), shared, "occluded");
@@ -73,7 +71,7 @@ TracerKind parseTracer(const std::string& name) {
 }
 
 uint64_t rayBytes(bool has_lights) {
-  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + 2 * sizeof(Vec4f) + sizeof(float) +
+  return sizeof(Ray) + sizeof(Hit) + sizeof(RaySurface) + sizeof(Vec4f) + sizeof(float) +
          (has_lights ? sizeof(Ray) + sizeof(uint32_t) : 0);
 }
 

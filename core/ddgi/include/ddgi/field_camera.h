@@ -32,6 +32,7 @@ class FieldCamera {
   ProbeField& field_;
   RayBatch batch_;
   StageRecorder recorder_;
+  GpuBuffer hit_irradiance_;  // [ray]
   Stage resolve_;
 };
 

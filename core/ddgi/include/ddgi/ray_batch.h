@@ -26,7 +26,7 @@ enum class TextureDetail { base, footprint };
 // Buffers of one batch, [ray].
 struct RayBuffers {
   uint32_t capacity = 0;
-  GpuBuffer rays, hits, surfaces, shadow_rays, occluded, radiance, distances, hit_irradiance;
+  GpuBuffer rays, hits, surfaces, shadow_rays, occluded, radiance, distances;
 };
 
 // Bytes a ray of the buffers above.

@@ -20,7 +20,7 @@ struct ConvergeReport {
   int burn_in_updates = 0;  // with one set of directions, until settled
   int mixing_updates = 0;   // with new directions, until those of the burn-in are forgotten
   int average_updates = 0;
-  bool settled = true;  // `remaining` is small; a coarse format may stall the series before
+  bool settled = true;     // `remaining` is small; a coarse format may stall the series before
   double contraction = 0;  // of the bounce series, per update
   double remaining = 0;    // estimated relative change still to come at the end of the burn-in
   int updates() const { return burn_in_updates + mixing_updates + average_updates; }
