@@ -2,6 +2,7 @@
 #include "placement/grid.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -10,61 +11,79 @@
 namespace probelab {
 namespace {
 
-constexpr float kInset = 0.05f;  // of the spacing, between the outermost probes and the walls
+constexpr double kInset = 0.05;  // of the spacing, between the outermost probes and the walls
 
 // Sum of squared distances of the logarithms of the cell's edges from their mean.
-double cellSpread(const Vec3f& edges, const Vec3i& count) {
-  double logs[3], mean = 0;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    logs[axis] = std::log(static_cast<double>(edges[axis]) / std::max(count[axis] - 1, 1));
-    mean += logs[axis] / 3;
-  }
+double spreadOf(const std::array<double, 3>& logs) {
+  const double mean = (logs[0] + logs[1] + logs[2]) / 3;
   double spread = 0;
   for (const double value : logs) spread += (value - mean) * (value - mean);
   return spread;
 }
 
-// The box whose lattice keeps the inset to the given one: spacing s = edge / (n - 1 + 2 inset).
-Box3f insetBox(const Box3f& box, const Vec3i& count) {
-  Box3f inset = box;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    if (count[axis] == 1) continue;
-    const float spacing =
-        (box.max[axis] - box.min[axis]) / (static_cast<float>(count[axis] - 1) + 2 * kInset);
-    inset.min[axis] += kInset * spacing;
-    inset.max[axis] -= kInset * spacing;
-  }
-  return inset;
-}
-
 ProbeLayout placeGrid(const PlacementInput& input) {
-  const bool free_space = input.box == LatticeBox::free_space;
-  const Box3f box = free_space ? input.reachability.reachable_box : input.scene.bounds;
-  const Vec3i count = cubicCounts(box.extent(), input.probes, input.vertical);
-  const Lattice lattice = makeLattice(free_space ? insetBox(box, count) : box, count);
+  const bool free_space = choiceOption(input, "box", {"free", "bounds"}) == 0;
+  const double vertical = numberOption(input, "vertical", 0.25, 8);
+  const Box3f box = free_space ? freeSpaceBox(input) : input.scene.bounds;
+  const Vec3i count = cubicCounts(box.extent(), input.probes, vertical);
+  const Lattice lattice = makeLattice(free_space ? insetBox(box, count, kInset) : box, count);
   return latticeLayout(lattice, input.scene.bounds, reachablePoints(lattice, input));
 }
 
 }  // namespace
 
 const Strategy kGridStrategy = {
-    "grid", "a regular lattice with near to cubic cells in the reachable free space", placeGrid};
+    "grid",
+    "a regular lattice with near to cubic cells in the reachable free space",
+    {{"box", "free", "free | bounds",
+      "what the lattice fills: the reachable free space, or the bounds with the walls in them"},
+     {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one"}},
+    placeGrid};
 
 Vec3i cubicCounts(const Vec3f& box_edges, int probes, double vertical) {
-  Vec3f edges = box_edges;
-  edges.y /= static_cast<float>(vertical);
+  std::array<double, 3> edges;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    edges[axis] = std::log(static_cast<double>(box_edges[axis]) / (axis == 1 ? vertical : 1));
+  std::vector<double> gaps(static_cast<std::size_t>(probes) + 1);  // [count]: log of cells
+  for (std::size_t n = 1; n < gaps.size(); ++n)
+    gaps[n] = std::log(static_cast<double>(std::max<std::size_t>(n - 1, 1)));
   const int fewest = static_cast<int>(std::ceil(0.9 * probes));
   Vec3i best(1, 1, 1);
   double best_spread = std::numeric_limits<double>::infinity();
   for (int x = 1; x <= probes; ++x)
     for (int y = 1; y <= probes / x; ++y)
       for (int z = std::max(1, (fewest + x * y - 1) / (x * y)); z <= probes / (x * y); ++z) {
-        const double spread = cellSpread(edges, {x, y, z});
+        const double spread = spreadOf({edges[0] - gaps[static_cast<std::size_t>(x)],
+                                        edges[1] - gaps[static_cast<std::size_t>(y)],
+                                        edges[2] - gaps[static_cast<std::size_t>(z)]});
         const bool tie = std::abs(spread - best_spread) < 1e-9;
         const bool larger = x * y * z > best.x * best.y * best.z;
         if (tie ? larger : spread < best_spread) best = {x, y, z}, best_spread = spread;
       }
   return best;
+}
+
+Box3f insetBox(const Box3f& box, const Vec3i& count, double inset) {
+  Box3f result = box;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (count[axis] == 1) continue;
+    const float share = static_cast<float>(inset / (count[axis] - 1 + 2 * inset));
+    const float margin = share * (box.max[axis] - box.min[axis]);
+    result.min[axis] += margin;
+    result.max[axis] -= margin;
+  }
+  return result;
+}
+
+Box3f freeSpaceBox(const PlacementInput& input) {
+  Box3f box = input.reachability.reachable_box;
+  if (box.empty()) return input.scene.bounds;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (!(box.max[axis] > box.min[axis])) {
+      box.min[axis] = input.scene.bounds.min[axis];
+      box.max[axis] = input.scene.bounds.max[axis];
+    }
+  return box;
 }
 
 std::vector<uint8_t> reachablePoints(const Lattice& lattice, const PlacementInput& input) {

@@ -4,42 +4,70 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <map>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "ddgi/layout.h"
+#include "ddgi/params.h"
 #include "scene/scene.h"
 #include "trace/embree_scene.h"
 #include "trace/reachability.h"
 
 namespace probelab {
 
-// The box that a lattice fills.
-enum class LatticeBox {
-  free_space,  // the reachable free space, shrunk by 0.05 spacing
-  bounds,      // the scene's bounds, outermost probes on them
+class Training;  // placement/training.h
+
+// One option of a strategy, as `place --strategy S --help` lists it.
+struct StrategyOption {
+  std::string name;
+  std::string fallback;     // default value
+  std::string range;        // "0 .. 1", "lattice | knn", "FILE"
+  std::string description;  // one line, with the unit
 };
 
+using OptionValues = std::map<std::string, std::string>;
+
 struct PlacementInput {
-  const Scene& scene;
+  const Scene& scene;  // its states are the lighting that a strategy may train on
   const EmbreeScene& embree;
   const Reachability& reachability;
-  int probes = 0;  // budget N
+  const Params& params;  // how the layout will be read, for strategies that score
+  Training& training;    // train receivers under many lights; made at the first use
+  int probes = 0;        // budget N: at most that many probes own texels
   uint64_t seed = 0;
-  LatticeBox box = LatticeBox::free_space;
-  double vertical = 1;  // spacing along y over that along x and z
+  OptionValues options;  // every option of the strategy, defaults filled in
+  std::function<void(double)> progress = {};  // share done
 };
+
+// Option values by type; throw InputError naming the option.
+double numberOption(const PlacementInput& input, const std::string& name, double least,
+                    double most);
+int integerOption(const PlacementInput& input, const std::string& name, int least, int most);
+// The index in `names`.
+int choiceOption(const PlacementInput& input, const std::string& name,
+                 const std::vector<std::string>& names);
 
 struct Strategy {
   std::string name;
   std::string description;  // one line for help pages
+  std::vector<StrategyOption> options;
   ProbeLayout (*place)(const PlacementInput& input);
 };
 
 std::span<const Strategy> strategies();
 
-// Runs the named strategy and fills ProbeLayout::strategy and build_s. Throws InputError for an
-// unknown name (with the nearest), a budget below 1 or above 2^24, or `vertical` outside 0.25 .. 8.
+// Throws InputError for an unknown name (with the nearest).
+const Strategy& findStrategy(const std::string& name);
+
+// "k=v" pairs over the strategy's defaults. Throws InputError for an unknown name (with the
+// nearest) or one given twice.
+OptionValues resolveOptions(const Strategy& strategy, const std::vector<std::string>& pairs);
+
+// Runs the named strategy and fills the layout's provenance. Throws InputError for an unknown
+// strategy or option and a budget below 1 or above 2^24.
 ProbeLayout placeProbes(const std::string& strategy, const PlacementInput& input);
 
 }  // namespace probelab
