@@ -3,33 +3,119 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
 #include "base/error.h"
+#include "base/parallel.h"
+#include "base/suggest.h"
 
 namespace probelab {
+namespace {
 
-Vec3f Lattice::position(int index) const {
-  const Vec3f step(static_cast<float>(index % count.x),
-                   static_cast<float>(index / count.x % count.y),
-                   static_cast<float>(index / (count.x * count.y)));
-  return first + step * spacing;
+constexpr Interpolant kInterpolants[] = {Interpolant::lattice, Interpolant::knn,
+                                         Interpolant::tetrahedra, Interpolant::fitted};
+
+// Mean distance to the nearest others, at most kNeighbours of them: outwards along x until no
+// nearer one can follow.
+constexpr std::size_t kNeighbours = 6;
+std::vector<float> meanNeighbourDistances(const std::vector<Vec3f>& positions) {
+  std::vector<std::size_t> order(positions.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return positions[a].x < positions[b].x; });
+  std::vector<float> means(positions.size(), 0);
+  const std::size_t wanted = std::min(kNeighbours, positions.size() - 1);
+  if (wanted == 0) return means;
+  parallelFor(order.size(), 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin; at < end; ++at) {
+      const Vec3f& p = positions[order[at]];
+      std::vector<float> nearest;  // ascending, at most `wanted`
+      // Whether a farther one along x may still count.
+      const auto take = [&](std::size_t other) {
+        const Vec3f& q = positions[order[other]];
+        const float d = length(q - p);
+        if (nearest.size() < wanted || d < nearest.back()) {
+          if (nearest.size() == wanted) nearest.pop_back();
+          nearest.insert(std::upper_bound(nearest.begin(), nearest.end(), d), d);
+        }
+        return nearest.size() < wanted || std::abs(q.x - p.x) < nearest.back();
+      };
+      for (std::size_t i = at; i-- > 0;)
+        if (!take(i)) break;
+      for (std::size_t i = at + 1; i < order.size(); ++i)
+        if (!take(i)) break;
+      const double sum = std::accumulate(nearest.begin(), nearest.end(), 0.0);
+      means[order[at]] = static_cast<float>(sum / static_cast<double>(wanted));
+    }
+  });
+  return means;
 }
 
-Lattice makeLattice(const Box3f& box, const Vec3i& count) {
-  Lattice lattice;
-  lattice.count = count;
-  const Vec3f edge = box.extent();
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    PROBELAB_CHECK(count[axis] >= 1 && edge[axis] > 0);
-    if (count[axis] == 1) {
-      lattice.first[axis] = 0.5f * (box.min[axis] + box.max[axis]);
-      lattice.spacing[axis] = edge[axis];
-    } else {
-      lattice.first[axis] = box.min[axis];
-      lattice.spacing[axis] = edge[axis] / static_cast<float>(count[axis] - 1);
-    }
+// Distance from each probe to the farthest corner of the voxels where it counts: there its
+// trilinear weight reaches 0. Only voxels with a corner that `given` marks, where queries can come
+// from.
+std::vector<float> supportRadii(const InfluenceGrid& grid, const std::vector<Vec3f>& positions,
+                                const std::vector<uint8_t>& given) {
+  std::vector<float> radii(positions.size(), 0);
+  const Vec3i count = grid.corners.count;
+  std::size_t voxel = 0;
+  for (int z = 0; z + 1 < count.z; ++z)
+    for (int y = 0; y + 1 < count.y; ++y)
+      for (int x = 0; x + 1 < count.x; ++x, ++voxel) {
+        bool reached = false;
+        Box3f box;
+        for (int k = 0; k < 8; ++k) {
+          const int corner =
+              ((z + (k >> 2)) * count.y + y + ((k >> 1) & 1)) * count.x + x + (k & 1);
+          box.extend(grid.corners.position(corner));
+          reached = reached || given[static_cast<std::size_t>(corner)] != 0;
+        }
+        if (!reached) continue;
+        for (uint32_t e = grid.voxel_begin[voxel]; e < grid.voxel_begin[voxel + 1]; ++e) {
+          const Vec3f& p = positions[grid.entries[e].probe];
+          const float reach = length(componentMax(p - box.min, box.max - p));
+          radii[grid.entries[e].probe] = std::max(radii[grid.entries[e].probe], reach);
+        }
+      }
+  return radii;
+}
+
+void validateLatticePoints(const ProbeLayout& layout) {
+  const std::size_t points = layout.probe_of_point.size();
+  if (points != static_cast<std::size_t>(layout.lattice.pointCount()))
+    throwInput("{}: the index has {} entries for {} lattice points", layout.strategy, points,
+               layout.lattice.pointCount());
+  for (std::size_t i = 0; i < points; ++i)
+    if (layout.probe_of_point[i] < -1 ||
+        layout.probe_of_point[i] >= static_cast<int>(layout.positions.size()))
+      throwInput("{}: lattice point {}: probe {} of {}", layout.strategy, i,
+                 layout.probe_of_point[i], layout.positions.size());
+}
+
+}  // namespace
+
+const char* interpolantName(Interpolant interpolant) {
+  switch (interpolant) {
+    case Interpolant::lattice:
+      return "lattice";
+    case Interpolant::knn:
+      return "knn";
+    case Interpolant::tetrahedra:
+      return "tetrahedra";
+    case Interpolant::fitted:
+      return "fitted";
   }
-  return lattice;
+  return "";
+}
+
+Interpolant parseInterpolant(const std::string& name) {
+  std::vector<std::string> known;
+  for (const Interpolant interpolant : kInterpolants) {
+    if (name == interpolantName(interpolant)) return interpolant;
+    known.emplace_back(interpolantName(interpolant));
+  }
+  throwInput("unknown interpolant '{}'{}", name, suggestion(name, known));
 }
 
 ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
@@ -51,37 +137,92 @@ ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
   return layout;
 }
 
+ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> positions,
+                            const Box3f& bounds, const Lattice& corners, CornerWeights weights) {
+  PROBELAB_CHECK(interpolant != Interpolant::lattice);
+  if (positions.empty())
+    throwInput("the layout stores no probe: ask for more probes or check the volume");
+  std::vector<uint8_t> given;
+  for (const auto& corner : weights)
+    given.push_back(std::any_of(corner.begin(), corner.end(),
+                                [](const CornerWeight& w) { return w.weight > 0; })
+                        ? 1
+                        : 0);
+  ProbeLayout layout;
+  layout.interpolant = interpolant;
+  layout.bounds = bounds;
+  layout.influence = makeInfluence(corners, std::move(weights), positions);
+  layout.positions = std::move(positions);
+  const std::vector<float> support = supportRadii(layout.influence, layout.positions, given);
+  std::vector<float> bias = meanNeighbourDistances(layout.positions);
+  if (bias.size() == 1) bias[0] = maxComponent(bounds.extent());
+  double bias_sum = 0;
+  for (std::size_t i = 0; i < layout.positions.size(); ++i) {
+    // A probe that counts nowhere takes its bias length.
+    layout.lengths.push_back({bias[i], support[i] > 0 ? support[i] : bias[i]});
+    bias_sum += static_cast<double>(bias[i]);
+    layout.support_radius_m = std::max(layout.support_radius_m, layout.lengths.back().support);
+  }
+  layout.bias_length_m =
+      static_cast<float>(bias_sum / static_cast<double>(layout.positions.size()));
+  return layout;
+}
+
+ProbeLengths probeLengths(const ProbeLayout& layout, std::size_t probe) {
+  if (layout.lengths.empty()) return {layout.bias_length_m, layout.support_radius_m};
+  return layout.lengths[probe];
+}
+
 void validateLayout(const ProbeLayout& layout, const Params& params) {
   if (layout.positions.empty())
     throwInput(
         "{}: the layout stores no probe: none of its points lies in reachable free space; "
         "ask for more probes or check the volume",
         layout.strategy);
-  if (layout.probe_of_point.size() != static_cast<std::size_t>(layout.lattice.pointCount()))
-    throwInput("{}: the index has {} entries for {} lattice points", layout.strategy,
-               layout.probe_of_point.size(), layout.lattice.pointCount());
+  const std::size_t probes = layout.positions.size();
   const auto usable = [](float length) { return std::isfinite(length) && length > 0; };
   if (!usable(layout.bias_length_m) || !usable(layout.support_radius_m))
     throwInput("{}: probes coincide (spacing {} m); ask for fewer probes or a larger volume",
                layout.strategy, layout.bias_length_m);
+  for (std::size_t i = 0; i < probes; ++i)
+    if (!isFinite(layout.positions[i]))
+      throwInput("{}: the position of probe {} is not finite", layout.strategy, i);
+  if (!layout.pinned.empty() && layout.pinned.size() != probes)
+    throwInput("{}: {} pins for {} probes", layout.strategy, layout.pinned.size(), probes);
+  if (layout.interpolant == Interpolant::lattice) {
+    if (!layout.lengths.empty())
+      throwInput("{}: probes of a lattice have no lengths of their own", layout.strategy);
+    validateLatticePoints(layout);
+  } else {
+    if (layout.lengths.size() != probes)
+      throwInput("{}: {} lengths for {} probes", layout.strategy, layout.lengths.size(), probes);
+    for (std::size_t i = 0; i < probes; ++i)
+      if (!usable(layout.lengths[i].bias) || !usable(layout.lengths[i].support) ||
+          layout.lengths[i].support > layout.support_radius_m)
+        throwInput("{}: probe {} coincides with others (lengths {} and {} m); ask for fewer probes",
+                   layout.strategy, i, layout.lengths[i].bias, layout.lengths[i].support);
+    validateInfluence(layout.influence, probes, layout.strategy);
+  }
   const uint64_t side = static_cast<uint64_t>(
       std::max(params.irradiance_texels, params.visibility ? params.moment_texels : 0));
-  if (layout.positions.size() * side * side * 4 >= (uint64_t{1} << 31))
+  if (probes * side * side * 4 >= (uint64_t{1} << 31))
     throwInput("{}: {} probes with {} x {} texels are more than an atlas can index; use fewer",
-               layout.strategy, layout.positions.size(), side, side);
+               layout.strategy, probes, side, side);
 }
 
 LatticeShape latticeShape(const ProbeLayout& layout, const Params& params) {
+  const bool on_lattice = layout.interpolant == Interpolant::lattice;
+  const Lattice& lattice = on_lattice ? layout.lattice : layout.influence.corners;
   LatticeShape shape{};
-  shape.first = layout.lattice.first;
+  shape.first = lattice.first;
   shape.bias_length = layout.bias_length_m;
-  shape.spacing = layout.lattice.spacing;
+  shape.spacing = lattice.spacing;
   shape.support_radius = layout.support_radius_m;
   shape.bounds_min = layout.bounds.min;
   shape.bounds_max = layout.bounds.max;
-  shape.count_x = layout.lattice.count.x;
-  shape.count_y = layout.lattice.count.y;
-  shape.count_z = layout.lattice.count.z;
+  shape.count_x = lattice.count.x;
+  shape.count_y = lattice.count.y;
+  shape.count_z = lattice.count.z;
   const AtlasSides sides = atlasSides(params);
   shape.irradiance_texels = sides.irradiance;
   shape.moment_texels = sides.moments;
@@ -90,6 +231,7 @@ LatticeShape latticeShape(const ProbeLayout& layout, const Params& params) {
 }
 
 uint64_t indexBytes(const ProbeLayout& layout) {
+  if (layout.interpolant != Interpolant::lattice) return influenceBytes(layout.influence);
   return layout.probe_of_point.size() * sizeof(int);
 }
 

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Layout files: JSON with everything a query needs and where it came from. Positions in world
+// coordinates.
+#pragma once
+
+#include <filesystem>
+
+#include "ddgi/layout.h"
+#include "scene/scene.h"
+
+namespace probelab {
+
+// Written by rename. The file names the scene (path and content hash), the program's version, the
+// strategy with its options, budget and seed.
+void writeLayout(const std::filesystem::path& path, const ProbeLayout& layout, const Scene& scene);
+
+// Reads back the same layout, bit for bit in every position, length and weight. Throws InputError
+// naming file and element for a wrong name, type, size or index, a number that is not finite, or a
+// layout made for another scene's geometry.
+ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene);
+
+}  // namespace probelab

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ddgi/influence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "base/parallel.h"
+
+namespace probelab {
+namespace {
+
+// A corner's probes with weights in units of 1/255, by probe.
+struct CornerShare {
+  uint32_t probe;
+  uint8_t weight;
+};
+using CornerShares = std::vector<CornerShare>;
+
+std::size_t asSize(int value) { return static_cast<std::size_t>(value); }
+
+int gridIndex(const Vec3i& count, int x, int y, int z) { return (z * count.y + y) * count.x + x; }
+
+Vec3i gridPlace(const Vec3i& count, int index) {
+  return {index % count.x, index / count.x % count.y, index / (count.x * count.y)};
+}
+
+// Sorted by probe, one entry a probe, zero weights left out.
+void mergeProbes(std::vector<CornerWeight>& weights, std::size_t probes) {
+  for (const CornerWeight& w : weights) {
+    PROBELAB_CHECK(w.probe < probes);
+    PROBELAB_CHECK(std::isfinite(w.weight) && w.weight >= 0);
+  }
+  std::sort(weights.begin(), weights.end(),
+            [](const CornerWeight& a, const CornerWeight& b) { return a.probe < b.probe; });
+  std::size_t kept = 0;
+  for (const CornerWeight& w : weights) {
+    if (w.weight == 0) continue;
+    if (kept > 0 && weights[kept - 1].probe == w.probe)
+      weights[kept - 1].weight += w.weight;
+    else
+      weights[kept++] = w;
+  }
+  weights.resize(kept);
+}
+
+// Scaled to sum 1 and rounded; the largest stays whatever it rounds to.
+CornerShares roundWeights(const std::vector<CornerWeight>& weights) {
+  double sum = 0;
+  std::size_t largest = 0;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    sum += static_cast<double>(weights[i].weight);
+    if (weights[i].weight > weights[largest].weight) largest = i;
+  }
+  CornerShares shares;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const long n = std::lround(255 * static_cast<double>(weights[i].weight) / sum);
+    if (n > 0 || i == largest)
+      shares.push_back({weights[i].probe, static_cast<uint8_t>(std::max(n, 1L))});
+  }
+  return shares;
+}
+
+// The mean of the corners beside one, of those that have probes.
+CornerShares neighboursMean(const std::vector<CornerShares>& corners, const Vec3i& count,
+                            int index) {
+  const Vec3i at = gridPlace(count, index);
+  std::vector<CornerWeight> sum;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    for (const int step : {-1, 1}) {
+      Vec3i beside = at;
+      beside[axis] += step;
+      if (beside[axis] < 0 || beside[axis] >= count[axis]) continue;
+      for (const CornerShare& share :
+           corners[asSize(gridIndex(count, beside.x, beside.y, beside.z))])
+        sum.push_back({share.probe, static_cast<float>(share.weight)});
+    }
+  if (sum.empty()) return {};
+  mergeProbes(sum, std::numeric_limits<uint32_t>::max());
+  return roundWeights(sum);
+}
+
+// Gives every empty corner the mean of its neighbours', ring by ring.
+void fillEmptyCorners(std::vector<CornerShares>& corners, const Vec3i& count) {
+  std::vector<int> empty;
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    if (corners[i].empty()) empty.push_back(static_cast<int>(i));
+  PROBELAB_CHECK(empty.size() < corners.size());
+  while (!empty.empty()) {
+    std::vector<CornerShares> means(empty.size());
+    parallelFor(empty.size(), 256, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) means[i] = neighboursMean(corners, count, empty[i]);
+    });
+    std::vector<int> still_empty;
+    for (std::size_t i = 0; i < empty.size(); ++i) {
+      if (means[i].empty()) still_empty.push_back(empty[i]);
+      corners[asSize(empty[i])] = std::move(means[i]);
+    }
+    empty = std::move(still_empty);
+  }
+}
+
+// Corner k of a voxel (x + 2 y + 4 z) in the grid of corners.
+int voxelCorner(const InfluenceGrid& grid, int voxel, int k) {
+  const Vec3i at = gridPlace(grid.voxels(), voxel);
+  return gridIndex(grid.corners.count, at.x + (k & 1), at.y + ((k >> 1) & 1), at.z + (k >> 2));
+}
+
+// The union of the probes of a voxel's corners, by probe.
+std::vector<InfluenceEntry> voxelEntries(const InfluenceGrid& grid, int voxel,
+                                         const std::vector<CornerShares>& corners) {
+  std::vector<InfluenceEntry> entries;
+  for (int k = 0; k < 8; ++k)
+    for (const CornerShare& share : corners[asSize(voxelCorner(grid, voxel, k))]) {
+      auto found = std::lower_bound(
+          entries.begin(), entries.end(), share.probe,
+          [](const InfluenceEntry& entry, uint32_t probe) { return entry.probe < probe; });
+      if (found == entries.end() || found->probe != share.probe)
+        found = entries.insert(found, InfluenceEntry{share.probe, {}});
+      found->weights[asSize(k)] = share.weight;
+    }
+  return entries;
+}
+
+Vec3f voxelMiddle(const InfluenceGrid& grid, int voxel) {
+  const Vec3i at = gridPlace(grid.voxels(), voxel);
+  const Vec3f middle(static_cast<float>(at.x) + 0.5f, static_cast<float>(at.y) + 0.5f,
+                     static_cast<float>(at.z) + 0.5f);
+  return grid.corners.first + middle * grid.corners.spacing;
+}
+
+float squaredDistance(const Vec3f& a, const Vec3f& b) { return dot(a - b, a - b); }
+
+// Nearest of a voxel's entries to its middle; -1 without entries.
+int32_t nearestEntry(const InfluenceGrid& grid, int voxel, const std::vector<Vec3f>& positions) {
+  const Vec3f middle = voxelMiddle(grid, voxel);
+  int32_t nearest = -1;
+  float best = std::numeric_limits<float>::infinity();
+  for (uint32_t e = grid.voxel_begin[asSize(voxel)]; e < grid.voxel_begin[asSize(voxel) + 1]; ++e) {
+    const uint32_t probe = grid.entries[e].probe;
+    const float d = squaredDistance(positions[probe], middle);
+    if (d < best) best = d, nearest = static_cast<int32_t>(probe);
+  }
+  return nearest;
+}
+
+int voxelCount(const InfluenceGrid& grid) {
+  const Vec3i voxels = grid.voxels();
+  return voxels.x * voxels.y * voxels.z;
+}
+
+uint64_t hashShare(uint32_t probe, uint8_t weight) {
+  uint64_t h = (static_cast<uint64_t>(probe) << 8 | weight) + 0x9e3779b97f4a7c15u;
+  h = (h ^ (h >> 30)) * 0xbf58476d1ce4e5b9u;
+  h = (h ^ (h >> 27)) * 0x94d049bb133111ebu;
+  return h ^ (h >> 31);
+}
+
+// Every voxel must say the same of a corner that it shares, or the weights would jump between them;
+// compared by sums of hashes.
+void checkCornersAgree(const InfluenceGrid& grid, const std::string& what) {
+  std::vector<uint64_t> sums(asSize(grid.corners.pointCount()), 0);
+  for (int voxel = 0; voxel < voxelCount(grid); ++voxel)
+    for (int k = 0; k < 8; ++k) {
+      uint64_t sum = 0;
+      for (uint32_t e = grid.voxel_begin[asSize(voxel)]; e < grid.voxel_begin[asSize(voxel) + 1];
+           ++e)
+        if (const uint8_t w = grid.entries[e].weights[asSize(k)]; w > 0)
+          sum += hashShare(grid.entries[e].probe, w);
+      if (sum == 0) throwInput("{}: voxel {}: no probe has a weight at corner {}", what, voxel, k);
+      uint64_t& first = sums[asSize(voxelCorner(grid, voxel, k))];
+      if (first == 0) first = sum;
+      if (first != sum)
+        throwInput("{}: voxel {}: the weights at corner {} are not those of the voxels beside it",
+                   what, voxel, k);
+    }
+}
+
+}  // namespace
+
+Vec3f Lattice::position(int index) const {
+  const Vec3f step(static_cast<float>(index % count.x),
+                   static_cast<float>(index / count.x % count.y),
+                   static_cast<float>(index / (count.x * count.y)));
+  return first + step * spacing;
+}
+
+Lattice makeLattice(const Box3f& box, const Vec3i& count) {
+  Lattice lattice;
+  lattice.count = count;
+  const Vec3f edge = box.extent();
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    PROBELAB_CHECK(count[axis] >= 1 && edge[axis] > 0);
+    if (count[axis] == 1) {
+      lattice.first[axis] = 0.5f * (box.min[axis] + box.max[axis]);
+      lattice.spacing[axis] = edge[axis];
+    } else {
+      lattice.first[axis] = box.min[axis];
+      lattice.spacing[axis] = edge[axis] / static_cast<float>(count[axis] - 1);
+    }
+  }
+  return lattice;
+}
+
+InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
+                            const std::vector<Vec3f>& positions) {
+  for (std::size_t axis = 0; axis < 3; ++axis) PROBELAB_CHECK(corners.count[axis] >= 2);
+  PROBELAB_CHECK_EQ(weights.size(), asSize(corners.pointCount()));
+  std::vector<CornerShares> shares(weights.size());
+  parallelFor(weights.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      mergeProbes(weights[i], positions.size());
+      if (!weights[i].empty()) shares[i] = roundWeights(weights[i]);
+    }
+  });
+  if (std::all_of(shares.begin(), shares.end(), [](const auto& list) { return list.empty(); }))
+    throwInput("no probe has a weight anywhere: ask for more probes or check the volume");
+  fillEmptyCorners(shares, corners.count);
+
+  InfluenceGrid grid;
+  grid.corners = corners;
+  grid.voxel_begin.push_back(0);
+  for (int voxel = 0; voxel < voxelCount(grid); ++voxel) {
+    const std::vector<InfluenceEntry> entries = voxelEntries(grid, voxel, shares);
+    grid.entries.insert(grid.entries.end(), entries.begin(), entries.end());
+    PROBELAB_CHECK(grid.entries.size() < std::numeric_limits<uint32_t>::max());
+    grid.voxel_begin.push_back(static_cast<uint32_t>(grid.entries.size()));
+    grid.nearest.push_back(nearestEntry(grid, voxel, positions));
+  }
+  return grid;
+}
+
+InfluenceGrid activeInfluence(const InfluenceGrid& grid, const std::vector<Vec3f>& positions,
+                              const std::vector<uint8_t>& active) {
+  PROBELAB_CHECK_EQ(active.size(), positions.size());
+  InfluenceGrid result;
+  result.corners = grid.corners;
+  result.voxel_begin.push_back(0);
+  for (int voxel = 0; voxel < voxelCount(grid); ++voxel) {
+    for (uint32_t e = grid.voxel_begin[asSize(voxel)]; e < grid.voxel_begin[asSize(voxel) + 1]; ++e)
+      if (active[grid.entries[e].probe] != 0) result.entries.push_back(grid.entries[e]);
+    result.voxel_begin.push_back(static_cast<uint32_t>(result.entries.size()));
+  }
+  std::vector<uint32_t> all;
+  for (std::size_t p = 0; p < active.size(); ++p)
+    if (active[p] != 0) all.push_back(static_cast<uint32_t>(p));
+  result.nearest.resize(asSize(voxelCount(grid)), -1);
+  parallelFor(result.nearest.size(), 256, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      const int voxel = static_cast<int>(v);
+      int32_t nearest = nearestEntry(result, voxel, positions);
+      float best = std::numeric_limits<float>::infinity();
+      if (nearest < 0)
+        for (const uint32_t probe : all) {
+          const float d = squaredDistance(positions[probe], voxelMiddle(grid, voxel));
+          if (d < best) best = d, nearest = static_cast<int32_t>(probe);
+        }
+      result.nearest[v] = nearest;
+    }
+  });
+  return result;
+}
+
+void validateInfluence(const InfluenceGrid& grid, std::size_t probes, const std::string& what) {
+  const Lattice& corners = grid.corners;
+  uint64_t voxels = 1;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (corners.count[axis] < 2)
+      throwInput("{}: the grid of corners has {} points along axis {}, must be 2 or more", what,
+                 corners.count[axis], axis);
+    if (!(std::isfinite(corners.first[axis]) && std::isfinite(corners.spacing[axis]) &&
+          corners.spacing[axis] > 0))
+      throwInput("{}: the grid of corners must be finite, with a spacing above 0", what);
+    voxels *= static_cast<uint64_t>(corners.count[axis] - 1);
+    if (voxels >= uint64_t{1} << 28)
+      throwInput("{}: more than 2^28 voxels; use a coarser grid of corners", what);
+  }
+  if (grid.voxel_begin.size() != voxels + 1 || grid.nearest.size() != voxels)
+    throwInput("{}: the index has {} and {} entries for {} voxels", what, grid.voxel_begin.size(),
+               grid.nearest.size(), voxels);
+  if (grid.voxel_begin.front() != 0 || grid.voxel_begin.back() != grid.entries.size() ||
+      !std::is_sorted(grid.voxel_begin.begin(), grid.voxel_begin.end()))
+    throwInput("{}: the voxels' first entries must rise from 0 to the number of entries, {}", what,
+               grid.entries.size());
+  for (std::size_t v = 0; v < voxels; ++v) {
+    if (grid.nearest[v] < 0 || static_cast<std::size_t>(grid.nearest[v]) >= probes)
+      throwInput("{}: voxel {}: nearest probe {} of {}", what, v, grid.nearest[v], probes);
+    for (uint32_t e = grid.voxel_begin[v]; e < grid.voxel_begin[v + 1]; ++e) {
+      const uint32_t probe = grid.entries[e].probe;
+      if (probe >= probes) throwInput("{}: voxel {}: probe {} of {}", what, v, probe, probes);
+      if (e > grid.voxel_begin[v] && grid.entries[e - 1].probe >= probe)
+        throwInput("{}: voxel {}: its probes must rise", what, v);
+    }
+  }
+  checkCornersAgree(grid, what);
+}
+
+uint64_t influenceBytes(const InfluenceGrid& grid) {
+  return grid.voxel_begin.size() * sizeof(uint32_t) + grid.entries.size() * sizeof(InfluenceEntry);
+}
+
+}  // namespace probelab
