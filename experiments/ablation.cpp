@@ -143,7 +143,7 @@ std::string whyNot(const AblationCase& row, const AblationCase& base) {
     return fmt::format("counts in {} mode only", row.row.mode);
   const bool same = describeParams(row.params) == describeParams(base.params) &&
                     row.options.ray_proxy_m == base.options.ray_proxy_m &&
-                    row.options.vertical == base.options.vertical &&
+                    row.options.vertical.value_or(1) == base.options.vertical.value_or(1) &&
                     row.options.probes == base.options.probes && !row.row.clamp_over_mean;
   return same ? "changes nothing here" : "";
 }

@@ -58,6 +58,7 @@ RowResult scoreRow(SceneSetup& setup, const AblationCase& row, const ProxySetup*
       makeField(setup, row.params,
                 {.options = row.options,
                  .seed = invocation.common.seed,
+                 .cache = invocation.common.cache,
                  .proxy = proxy,
                  .accumulate = row.options.mode == "converged"});
   const FieldRun run = runField(*field, row.options, invocation);
@@ -69,7 +70,7 @@ RowResult scoreRow(SceneSetup& setup, const AblationCase& row, const ProxySetup*
                  {"about", row.row.about},
                  {"set", row.row.set},
                  {"params", row.params.name},
-                 {"vertical", row.options.vertical},
+                 {"vertical", row.options.vertical.value_or(1)},
                  {"probes", {{"stored", field->probeCount()}, {"active", active}}},
                  {"rays_per_probe", static_cast<double>(field->workOfUpdate().rays) / active},
                  {"memory", memoryJson(*field)},
@@ -113,6 +114,7 @@ void timeRows(SceneSetup& setup, std::vector<RowResult>& rows, const Receivers& 
     fields.push_back(makeField(setup, row.row->params,
                                {.options = row.row->options,
                                 .seed = invocation.common.seed,
+                                .cache = invocation.common.cache,
                                 .proxy = row.proxy,
                                 .accumulate = false,
                                 .working_set_bytes = working_set}));

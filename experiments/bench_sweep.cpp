@@ -65,9 +65,11 @@ std::vector<SizeTimes> timeSizes(SceneSetup& setup, const Params& params,
     FieldOptions sized_options = options;
     sized_options.probes = wanted.probes;
     SizeTimes next{wanted, 0, nullptr, {}};
-    next.field =
-        makeField(setup, sized,
-                  {.options = sized_options, .seed = invocation.common.seed, .accumulate = false});
+    next.field = makeField(setup, sized,
+                           {.options = sized_options,
+                            .seed = invocation.common.seed,
+                            .cache = invocation.common.cache,
+                            .accumulate = false});
     next.probes = next.field->states().activeCount();
     times.push_back(std::move(next));
   }

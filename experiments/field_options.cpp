@@ -5,13 +5,15 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 
+#include "base/error.h"
 #include "common_options.h"
 #include "placement/strategy.h"
 
 namespace probelab {
 
-void addPlacementOptions(CLI::App& app, FieldOptions& options) {
+void addStrategyOptions(CLI::App& app, FieldOptions& options) {
   const char* group = "Probes";
   std::vector<std::string> names;
   for (const Strategy& strategy : strategies()) names.push_back(strategy.name);
@@ -25,19 +27,39 @@ void addPlacementOptions(CLI::App& app, FieldOptions& options) {
       ->check(checkPositiveInteger)
       ->capture_default_str()
       ->group(group);
+  app.add_option("--option", options.option,
+                 "an option of the strategy; may be repeated; 'probelab place --strategy NAME "
+                 "--help' lists them")
+      ->type_name("KEY=VALUE")
+      ->allow_extra_args(false)
+      ->group(group);
+}
+
+void addPlacementOptions(CLI::App& app, FieldOptions& options) {
+  const char* group = "Probes";
+  CLI::Option* layout =
+      app.add_option("--layout", options.layout,
+                     "a layout, as 'probelab place' writes, instead of the other options here")
+          ->type_name("LAYOUT.json")
+          ->check(checkNamed)
+          ->group(group);
+  addStrategyOptions(app, options);
   app.add_option("--lattice", options.lattice,
-                 "box of the grid: free (the reachable free space) or bounds (encloses the walls)")
+                 "box of the grid: free (the reachable free space) or bounds (encloses the walls); "
+                 "short for --option box=BOX")
       ->type_name("BOX")
       ->check(CLI::IsMember({"free", "bounds"}).description(""))
-      ->capture_default_str()
+      ->default_str("free")
       ->group(group);
   app.add_option("--vertical", options.vertical,
                  "spacing of the grid along y over that along x and z, 0.25 to 8; above 1: fewer "
-                 "probes vertically, more horizontally")
+                 "probes vertically, more horizontally; short for --option vertical=F")
       ->type_name("F")
       ->check(checkPositive)
-      ->capture_default_str()
+      ->default_str("1")
       ->group(group);
+  for (const char* other : {"--strategy", "--probes", "--option", "--lattice", "--vertical"})
+    layout->excludes(app.get_option(other));
 }
 
 void addParamsOptions(CLI::App& app, FieldOptions& options) {
@@ -97,6 +119,21 @@ void addFieldOptions(CLI::App& app, FieldOptions& options) {
       ->check(checkPositiveInteger)
       ->group(group);
   addTracingOptions(app, options);
+}
+
+std::vector<std::string> strategyOptionPairs(const FieldOptions& options) {
+  std::vector<std::string> pairs = options.option;
+  const Strategy& strategy = findStrategy(options.strategy);
+  const auto add = [&](const char* flag, const std::string& name, const std::string& value) {
+    const bool known =
+        std::any_of(strategy.options.begin(), strategy.options.end(),
+                    [&](const StrategyOption& option) { return option.name == name; });
+    if (!known) throwInput("{}: strategy '{}' has no option '{}'", flag, strategy.name, name);
+    pairs.push_back(name + "=" + value);
+  };
+  if (options.lattice) add("--lattice", "box", *options.lattice);
+  if (options.vertical) add("--vertical", "vertical", fmt::format("{}", *options.vertical));
+  return pairs;
 }
 
 Params resolveParams(const FieldOptions& options) {

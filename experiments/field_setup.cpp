@@ -6,24 +6,12 @@
 
 #include "base/progress.h"
 #include "device.h"
-#include "placement/strategy.h"
+#include "layout_source.h"
 
 namespace probelab {
 namespace {
 
 constexpr std::size_t kWarmUpUpdates = 2;
-
-ProbeLayout makeLayout(const SceneSetup& setup, const FieldOptions& options, uint64_t seed) {
-  const PlacementInput input = {
-      .scene = setup.scene,
-      .embree = setup.embree,
-      .reachability = setup.reachability,
-      .probes = options.probes,
-      .seed = seed,
-      .box = options.lattice == "bounds" ? LatticeBox::bounds : LatticeBox::free_space,
-      .vertical = options.vertical};
-  return placeProbes(options.strategy, input);
-}
 
 }  // namespace
 
@@ -43,8 +31,11 @@ std::unique_ptr<ProbeField> makeField(SceneSetup& setup, const Params& params,
   settings.working_set_bytes = plan.working_set_bytes;
   const Scene& scene = plan.proxy != nullptr ? plan.proxy->proxy.scene : setup.scene;
   const EmbreeScene& embree = plan.proxy != nullptr ? plan.proxy->embree : setup.embree;
-  auto field = std::make_unique<ProbeField>(
-      setup.gpu, scene, embree, makeLayout(setup, plan.options, plan.seed), params, settings);
+  auto field =
+      std::make_unique<ProbeField>(setup.gpu, scene, embree,
+                                   obtainLayout({setup.scene, setup.embree, setup.reachability},
+                                                plan.options, params, plan.seed, plan.cache),
+                                   params, settings);
   setup.provenance.tracer = field->tracerName();
   return field;
 }
@@ -57,6 +48,7 @@ FieldSetup::FieldSetup(Params wanted, const SceneOptions& scene_options,
   field = makeField(*this, params,
                     {.options = options,
                      .seed = invocation.common.seed,
+                     .cache = invocation.common.cache,
                      .proxy = proxy.get(),
                      .accumulate = options.mode == "converged"});
 }

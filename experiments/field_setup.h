@@ -37,6 +37,7 @@ struct SceneSetup {
 struct FieldPlan {
   const FieldOptions& options;
   uint64_t seed = 0;
+  std::string cache = {};             // folder of layouts that took long to make; empty: none
   const ProxySetup* proxy = nullptr;  // what probe rays see; null: the scene
   bool accumulate = true;
   uint64_t working_set_bytes = FieldSettings{}.working_set_bytes;

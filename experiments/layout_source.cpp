@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "layout_source.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/build_info.h"
+#include "base/error.h"
+#include "base/hash.h"
+#include "ddgi/layout_file.h"
+#include "placement/strategy.h"
+#include "placement/training.h"
+
+namespace probelab {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kCachedFromSeconds = 1;
+constexpr int kReceiversAProbe = 50, kFewestReceivers = 4096;
+
+// Without the lighting state: strategies see all train states, whichever is evaluated.
+fs::path cachePath(const std::string& folder, const Scene& scene, const Strategy& strategy,
+                   const PlacementInput& input) {
+  const nlohmann::json key = {{"layout_version", kLayoutVersion},
+                              {"program", buildInfo().version},
+                              {"scene", scene.content_hash},
+                              {"strategy", strategy.name},
+                              {"options", input.options},
+                              {"probes", input.probes},
+                              {"seed", input.seed},
+                              {"params", describeParams(input.params)}};
+  return fs::path(folder) / ("layout-" + contentHash(key.dump()) + ".json");
+}
+
+std::optional<ProbeLayout> readCached(const fs::path& path, const Scene& scene) {
+  std::error_code ec;
+  if (!fs::exists(path, ec)) return std::nullopt;
+  try {
+    return readLayout(path, scene);
+  } catch (const InputError&) {
+    return std::nullopt;  // damaged; whatever is in the cache can be made again
+  }
+}
+
+void writeCached(const fs::path& path, const ProbeLayout& layout, const Scene& scene) {
+  std::error_code ec;
+  fs::create_directories(path.parent_path(), ec);
+  if (ec)
+    throwInput("--cache {}: cannot be created: {}", path.parent_path().string(), ec.message());
+  writeLayout(path, layout, scene);
+}
+
+}  // namespace
+
+Scene trainScene(const Scene& scene) {
+  const auto is_train = [](const LightingState& state) { return state.split == Split::train; };
+  const auto first = std::find_if(scene.states.begin(), scene.states.end(), is_train);
+  if (first == scene.states.end()) return withState(scene, scene.states.front().name);
+  Scene result = withState(scene, first->name);
+  std::erase_if(result.states, [&](const LightingState& state) { return !is_train(state); });
+  return result;
+}
+
+int trainReceivers(int probes) {
+  return static_cast<int>(std::max<int64_t>(int64_t{kReceiversAProbe} * probes, kFewestReceivers));
+}
+
+ProbeLayout obtainLayout(const PlacementScene& of, const FieldOptions& options,
+                         const Params& params, uint64_t seed, const std::string& cache,
+                         const std::function<void(double)>& progress) {
+  if (!options.layout.empty()) return readLayout(options.layout, of.scene);
+  const Strategy& strategy = findStrategy(options.strategy);
+  const Scene scene = trainScene(of.scene);
+  Training training(scene, of.embree, of.reachability,
+                    {.receivers = trainReceivers(options.probes), .seed = seed});
+  const PlacementInput input = {.scene = scene,
+                                .embree = of.embree,
+                                .reachability = of.reachability,
+                                .params = params,
+                                .training = training,
+                                .probes = options.probes,
+                                .seed = seed,
+                                .options = resolveOptions(strategy, strategyOptionPairs(options)),
+                                .progress = progress};
+  const fs::path cached = cache.empty() ? "" : cachePath(cache, of.scene, strategy, input);
+  if (!cached.empty())
+    if (std::optional<ProbeLayout> found = readCached(cached, of.scene)) return *found;
+  ProbeLayout layout = placeProbes(strategy.name, input);
+  if (!cached.empty() && layout.build_s > kCachedFromSeconds) writeCached(cached, layout, of.scene);
+  return layout;
+}
+
+}  // namespace probelab
