@@ -81,16 +81,16 @@ std::vector<float> supportRadii(const InfluenceGrid& grid, const std::vector<Vec
   return radii;
 }
 
-void validateLatticePoints(const ProbeLayout& layout) {
+void validateLatticePoints(const ProbeLayout& layout, const std::string& what) {
   const std::size_t points = layout.probe_of_point.size();
   if (points != static_cast<std::size_t>(layout.lattice.pointCount()))
-    throwInput("{}: the index has {} entries for {} lattice points", layout.strategy, points,
+    throwInput("{}: the index has {} entries for {} lattice points", what, points,
                layout.lattice.pointCount());
   for (std::size_t i = 0; i < points; ++i)
     if (layout.probe_of_point[i] < -1 ||
         layout.probe_of_point[i] >= static_cast<int>(layout.positions.size()))
-      throwInput("{}: lattice point {}: probe {} of {}", layout.strategy, i,
-                 layout.probe_of_point[i], layout.positions.size());
+      throwInput("{}: lattice point {}: probe {} of {}", what, i, layout.probe_of_point[i],
+                 layout.positions.size());
 }
 
 }  // namespace
@@ -173,38 +173,43 @@ ProbeLengths probeLengths(const ProbeLayout& layout, std::size_t probe) {
   return layout.lengths[probe];
 }
 
-void validateLayout(const ProbeLayout& layout, const Params& params) {
+void validateLayout(const ProbeLayout& layout, const std::string& what) {
   if (layout.positions.empty())
     throwInput(
         "{}: the layout stores no probe: none of its points lies in reachable free space; "
         "ask for more probes or check the volume",
-        layout.strategy);
+        what);
   const std::size_t probes = layout.positions.size();
   const auto usable = [](float length) { return std::isfinite(length) && length > 0; };
   if (!usable(layout.bias_length_m) || !usable(layout.support_radius_m))
-    throwInput("{}: probes coincide (spacing {} m); ask for fewer probes or a larger volume",
-               layout.strategy, layout.bias_length_m);
+    throwInput("{}: probes coincide (spacing {} m); ask for fewer probes or a larger volume", what,
+               layout.bias_length_m);
   for (std::size_t i = 0; i < probes; ++i)
     if (!isFinite(layout.positions[i]))
-      throwInput("{}: the position of probe {} is not finite", layout.strategy, i);
+      throwInput("{}: the position of probe {} is not finite", what, i);
   if (!layout.pinned.empty() && layout.pinned.size() != probes)
-    throwInput("{}: {} pins for {} probes", layout.strategy, layout.pinned.size(), probes);
+    throwInput("{}: {} pins for {} probes", what, layout.pinned.size(), probes);
   if (layout.interpolant == Interpolant::lattice) {
     if (!layout.lengths.empty())
-      throwInput("{}: probes of a lattice have no lengths of their own", layout.strategy);
-    validateLatticePoints(layout);
+      throwInput("{}: probes of a lattice have no lengths of their own", what);
+    validateLatticePoints(layout, what);
   } else {
     if (layout.lengths.size() != probes)
-      throwInput("{}: {} lengths for {} probes", layout.strategy, layout.lengths.size(), probes);
+      throwInput("{}: {} lengths for {} probes", what, layout.lengths.size(), probes);
     for (std::size_t i = 0; i < probes; ++i)
       if (!usable(layout.lengths[i].bias) || !usable(layout.lengths[i].support) ||
           layout.lengths[i].support > layout.support_radius_m)
         throwInput("{}: probe {} coincides with others (lengths {} and {} m); ask for fewer probes",
-                   layout.strategy, i, layout.lengths[i].bias, layout.lengths[i].support);
-    validateInfluence(layout.influence, probes, layout.strategy);
+                   what, i, layout.lengths[i].bias, layout.lengths[i].support);
+    validateInfluence(layout.influence, probes, what);
   }
+}
+
+void validateLayout(const ProbeLayout& layout, const Params& params) {
+  validateLayout(layout, layout.strategy);
   const uint64_t side = static_cast<uint64_t>(
       std::max(params.irradiance_texels, params.visibility ? params.moment_texels : 0));
+  const std::size_t probes = layout.positions.size();
   if (probes * side * side * 4 >= (uint64_t{1} << 31))
     throwInput("{}: {} probes with {} x {} texels are more than an atlas can index; use fewer",
                layout.strategy, probes, side, side);

@@ -34,11 +34,11 @@ struct ProbeLengths {
 struct ProbeLayout {
   std::string strategy;
   Interpolant interpolant = Interpolant::lattice;
-  Box3f bounds;  // where the field answers: 1 inside, falling to 0 over one bias length outside
-  Lattice lattice;                  // with Interpolant::lattice
-  std::vector<int> probe_of_point;  // [lattice point]: index of the stored probe, -1: none
-  InfluenceGrid influence;          // with the others
-  std::vector<Vec3f> positions;     // [stored probe]
+  Box3f bounds;     // where the field answers: 1 inside, falling to 0 over one bias length outside
+  Lattice lattice;  // with Interpolant::lattice
+  std::vector<int> probe_of_point;    // [lattice point]: index of the stored probe, -1: none
+  InfluenceGrid influence;            // with the others
+  std::vector<Vec3f> positions;       // [stored probe]
   std::vector<ProbeLengths> lengths;  // [stored probe]; empty with a lattice: all the same
   std::vector<uint8_t> pinned;        // [stored probe], 1: no strategy may move it; or empty
   // Of the whole layout: a lattice's smallest spacing of an axis with more than one point and its
@@ -69,6 +69,8 @@ ProbeLengths probeLengths(const ProbeLayout& layout, std::size_t probe);
 // Throws InputError when a layout cannot be used: no stored probe, a zero or non-finite length or
 // position, indices that do not fit, more texels than 2^31.
 void validateLayout(const ProbeLayout& layout, const Params& params);
+// The same without what depends on parameters; messages begin with `what`.
+void validateLayout(const ProbeLayout& layout, const std::string& what);
 
 LatticeShape latticeShape(const ProbeLayout& layout, const Params& params);
 
