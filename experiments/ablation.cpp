@@ -141,6 +141,8 @@ AblationCase applyRow(const AblationRow& row, const FieldOptions& base) {
 std::string whyNot(const AblationCase& row, const AblationCase& base) {
   if (!row.row.mode.empty() && row.row.mode != base.options.mode)
     return fmt::format("counts in {} mode only", row.row.mode);
+  if (!base.options.layout.empty() && (row.row.vertical || row.row.probes))
+    return "the layout is given";
   const bool same = describeParams(row.params) == describeParams(base.params) &&
                     row.options.ray_proxy_m == base.options.ray_proxy_m &&
                     row.options.vertical.value_or(1) == base.options.vertical.value_or(1) &&

@@ -66,6 +66,10 @@ std::vector<double> BaselineTimes::textbook_blend_ms() const {
 
 Baselines::Baselines(FieldSetup& setup, std::vector<QueryPoint> points)
     : setup_(setup), points_(std::move(points)), bare_(setup.probeScene()) {
+  if (setup.field->layout().interpolant != Interpolant::lattice) {
+    why_not_ = "the textbook reads lattices alone";
+    return;
+  }
   try {
     makeTextbook();
   } catch (const DeviceError& error) {

@@ -15,6 +15,7 @@
 #include "device.h"
 #include "evaluation.h"
 #include "field_setup.h"
+#include "layout_json.h"
 #include "require.h"
 #include "table.h"
 #include "trace/receivers.h"
@@ -135,6 +136,8 @@ Json describe(FieldSetup& setup, const FieldRun& run, const Baselines& baselines
           {"active_probes", field.states().activeCount()},
           {"rays", field.params().rays},
           {"params", setup.params.name},
+          {"strategy", field.layout().strategy},
+          {"layout", layoutJson(field.layout())},
           {"texels", {setup.params.irradiance_texels, setup.params.moment_texels}},
           {"updates", run.updates},
           {"stages", stagesJson(run)},
@@ -274,7 +277,8 @@ void addBenchCommand(Program& program) {
   app.add_flag("--sweep", options->sweep,
                "also time updates of 256 probes and more and of 16 to 1,024 rays, and fit lines "
                "(a minute or two)")
-      ->group("Field");
+      ->group("Field")
+      ->excludes(app.get_option("--layout"));
   app.add_option("--sweep-probes", options->sweep_probes,
                  "where --sweep ends; its rays end at a 32nd of it")
       ->type_name("N")

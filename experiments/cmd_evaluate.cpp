@@ -16,6 +16,7 @@
 #include "evaluation.h"
 #include "field_dump.h"
 #include "field_setup.h"
+#include "layout_json.h"
 #include "require.h"
 #include "table.h"
 #include "truth.h"
@@ -52,9 +53,8 @@ Json describe(const EvaluateOptions& options, FieldSetup& setup, const FieldRun&
   return {{"scene", setup.scene.name},
           {"state", setup.scene.state},
           {"strategy", field.layout().strategy},
-          {"lattice",
-           {field.layout().lattice.count.x, field.layout().lattice.count.y,
-            field.layout().lattice.count.z}},
+          {"lattice", latticeJson(field.layout())},
+          {"layout", layoutJson(field.layout())},
           {"probes", {{"stored", field.probeCount()}, {"active", field.states().activeCount()}}},
           {"params", toJson(setup.params)},
           {"mode", options.field.mode},
@@ -134,11 +134,7 @@ void printResult(const Json& r) {
       "{}",
       formatFields({{"scene", fmt::format("{}, {}", r["scene"].get<std::string>(),
                                           r["state"].get<std::string>())},
-                    {"probes",
-                     fmt::format("{} stored, {} active, {} of {} x {} x {}",
-                                 r["probes"]["stored"].get<int>(), r["probes"]["active"].get<int>(),
-                                 r["strategy"].get<std::string>(), r["lattice"][0].get<int>(),
-                                 r["lattice"][1].get<int>(), r["lattice"][2].get<int>())},
+                    {"probes", formatLayout(r)},
                     {"parameters", r["params"]["name"].get<std::string>()},
                     {"run", formatRun(r)},
                     {"device", fmt::format("{}, tracer {}", r["device"].get<std::string>(),
@@ -201,16 +197,18 @@ void runAblationCommand(const EvaluateOptions& options, const Invocation& invoca
   const Truth truth = loadTruth(options, setup, invocation);
   const Json rows = runAblation(setup, cases, truth.receivers, split, invocation);
   requireNoValidationMessages(setup.gpu);
-  Json result = {{"scene", setup.scene.name},
-                 {"state", setup.scene.state},
-                 {"strategy", options.field.strategy},
-                 {"params", toJson(cases.front().params)},
-                 {"mode", options.field.mode},
-                 {"receivers", receiversJson(options, truth.receivers, truth.from_cache)},
-                 {"error", rows["ablation"][0]["error"]},
-                 {"speed", rows["ablation"][0]["speed"]},
-                 {"name", ablation.name},
-                 {"about", ablation.about}};
+  Json result = {
+      {"scene", setup.scene.name},
+      {"state", setup.scene.state},
+      {"strategy", options.field.strategy},
+      {"layout", options.field.layout.empty() ? Json(nullptr) : Json(options.field.layout)},
+      {"params", toJson(cases.front().params)},
+      {"mode", options.field.mode},
+      {"receivers", receiversJson(options, truth.receivers, truth.from_cache)},
+      {"error", rows["ablation"][0]["error"]},
+      {"speed", rows["ablation"][0]["speed"]},
+      {"name", ablation.name},
+      {"about", ablation.about}};
   result.update(rows);
   result["device"] = setup.gpu.info().name;
   result["tracer"] = setup.provenance.tracer;

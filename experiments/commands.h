@@ -11,6 +11,7 @@ void addInitCommand(Program& program);
 void addCheckCommand(Program& program);
 void addReferenceCommand(Program& program);
 void addReceiversCommand(Program& program);
+void addPlaceCommand(Program& program);
 void addRenderCommand(Program& program);
 void addEvaluateCommand(Program& program);
 void addCompareCommand(Program& program);

@@ -12,6 +12,18 @@
 #include "placement/strategy.h"
 
 namespace probelab {
+namespace {
+
+std::string checkStrategy(const std::string& name) {
+  try {
+    findStrategy(name);
+    return "";
+  } catch (const InputError& error) {
+    return error.what();
+  }
+}
+
+}  // namespace
 
 void addStrategyOptions(CLI::App& app, FieldOptions& options) {
   const char* group = "Probes";
@@ -20,6 +32,7 @@ void addStrategyOptions(CLI::App& app, FieldOptions& options) {
   app.add_option("--strategy", options.strategy,
                  fmt::format("how probes are placed: {}", fmt::join(names, ", ")))
       ->type_name("NAME")
+      ->check(checkStrategy)
       ->capture_default_str()
       ->group(group);
   app.add_option("--probes", options.probes, "at most this many probes that own texels")

@@ -68,11 +68,10 @@ std::string optionText(const CLI::Option& option) {
 }
 
 std::string formatGroup(const std::string& title, const std::vector<const CLI::Option*>& options) {
-  if (options.empty()) return "";
-  std::string out = "\n" + title + "\n";
+  std::vector<std::pair<std::string, std::string>> rows;
   for (const CLI::Option* option : options)
-    out += formatRow(optionName(*option), optionText(*option));
-  return out;
+    rows.emplace_back(optionName(*option), optionText(*option));
+  return formatHelpPart(title, rows);
 }
 
 std::string formatUsage(const CLI::App& app, const std::string& full_name) {
@@ -92,6 +91,14 @@ std::string formatUsage(const CLI::App& app, const std::string& full_name) {
 }
 
 }  // namespace
+
+std::string formatHelpPart(const std::string& title,
+                           const std::vector<std::pair<std::string, std::string>>& rows) {
+  if (rows.empty()) return "";
+  std::string out = "\n" + title + "\n";
+  for (const auto& [name, text] : rows) out += formatRow(name, text);
+  return out;
+}
 
 std::string formatHelp(const CLI::App& app, const std::string& full_name) {
   std::string out = full_name + ": " + app.get_description();

@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
   probelab::addCheckCommand(program);
   probelab::addReferenceCommand(program);
   probelab::addReceiversCommand(program);
+  probelab::addPlaceCommand(program);
   probelab::addRenderCommand(program);
   probelab::addEvaluateCommand(program);
   probelab::addCompareCommand(program);

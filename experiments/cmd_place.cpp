@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// `probelab place`: a layout from a strategy, as a file, with a report; or the smallest budget that
+// meets an error.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "base/build_info.h"
+#include "base/error.h"
+#include "base/progress.h"
+#include "budget_search.h"
+#include "commands.h"
+#include "ddgi/layout_file.h"
+#include "device.h"
+#include "evaluation.h"
+#include "field_setup.h"
+#include "help.h"
+#include "layout_json.h"
+#include "layout_source.h"
+#include "placement/strategy.h"
+#include "probes_glb.h"
+#include "require.h"
+#include "table.h"
+#include "truth.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kDefaultLimit = 4096;       // --probes with --max-nrmse
+constexpr uint32_t kReportPoints = 4096;  // receivers that the report asks which probes reach them
+
+struct PlaceOptions {
+  SceneOptions scene;
+  FieldOptions field;
+  TruthOptions truth;
+  std::string output, glb;
+  std::optional<double> max_nrmse;
+  CLI::Option* probes = nullptr;  // to tell whether it was given
+};
+
+// The help page with the strategies and the options of the one that is named.
+class PlaceHelp : public CLI::FormatterBase {
+ public:
+  explicit PlaceHelp(std::shared_ptr<PlaceOptions> options) : options_(std::move(options)) {}
+
+  std::string make_help(const CLI::App* app, std::string, CLI::AppFormatMode) const override {
+    std::string page = formatHelp(*app, "probelab " + app->get_name());
+    page.insert(page.find("\nCommon options"), strategyParts());
+    return page;
+  }
+
+ private:
+  std::string strategyParts() const {
+    std::vector<std::pair<std::string, std::string>> known, options;
+    for (const Strategy& strategy : strategies())
+      known.emplace_back(strategy.name, strategy.description);
+    const Strategy& chosen = findStrategy(options_->field.strategy);
+    for (const StrategyOption& option : chosen.options)
+      options.emplace_back(
+          fmt::format("{}={}", option.name, option.range),
+          option.fallback.empty()
+              ? option.description
+              : fmt::format("{} (default: {})", option.description, option.fallback));
+    if (options.empty()) options.emplace_back("none", "");
+    return formatHelpPart("Strategies", known) +
+           formatHelpPart(fmt::format("Options of {} (--option KEY=VALUE)", chosen.name), options);
+  }
+
+  std::shared_ptr<PlaceOptions> options_;
+};
+
+struct Placed {
+  Scene scene;
+  ProbeLayout layout;
+  std::vector<uint8_t> active;  // [probe]; empty: all
+  Provenance provenance;
+  Json search = nullptr;  // of --max-nrmse
+};
+
+// One budget of the search.
+struct Trial {
+  ProbeLayout layout;
+  std::vector<uint8_t> active;
+  std::optional<double> train, heldout;
+};
+
+Trial tryBudget(SceneSetup& setup, const Params& params, const FieldOptions& options,
+                const Receivers& receivers, const Invocation& invocation) {
+  const std::unique_ptr<ProbeField> field = makeField(
+      setup, params,
+      {.options = options, .seed = invocation.common.seed, .cache = invocation.common.cache});
+  runField(*field, options, invocation);
+  const std::vector<Vec3f> estimates = queryReceivers(*field, receivers);
+  return {field->layout(), field->states().active,
+          scoreEstimates(estimates, receivers, ScoredSplit::train).all.nrmse,
+          scoreEstimates(estimates, receivers, ScoredSplit::heldout).all.nrmse};
+}
+
+Json searchJson(const BudgetSearch& search, const std::map<int, Trial>& trials, double wanted) {
+  Json steps = Json::array();
+  for (const BudgetStep& step : search.steps) {
+    const auto trial = trials.find(step.probes);
+    const bool placed = trial != trials.end();
+    steps.push_back({{"probes", step.probes},
+                     {"stored", placed ? Json(trial->second.layout.positions.size()) : Json()},
+                     {"train_nrmse", optionalNumber(step.error)}});
+  }
+  const Trial& best = trials.at(search.probes);
+  return {{"max_nrmse", wanted},
+          {"met", search.met},
+          {"probes", search.probes},
+          {"train_nrmse", optionalNumber(best.train)},
+          {"heldout_nrmse", optionalNumber(best.heldout)},
+          {"heldout_met", best.heldout && *best.heldout <= wanted},
+          {"steps", steps}};
+}
+
+Placed placeByError(const PlaceOptions& options, const Params& params,
+                    const Invocation& invocation) {
+  SceneSetup setup(options.scene, invocation);
+  const Receivers receivers =
+      obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation)
+          .receivers;
+  const int limit = options.probes->count() > 0 ? options.field.probes : kDefaultLimit;
+  std::map<int, Trial> trials;
+  std::string refusal;
+  const BudgetSearch search = searchBudget(*options.max_nrmse, limit, [&](int probes) {
+    FieldOptions sized = options.field;
+    sized.probes = probes;
+    std::optional<double> train;
+    try {
+      const Trial& trial =
+          trials.emplace(probes, tryBudget(setup, params, sized, receivers, invocation))
+              .first->second;
+      train = trial.train;
+      if (!train) refusal = "no train receiver gets light in this state";
+    } catch (const InputError& error) {
+      refusal = error.what();
+    }
+    note(invocation, "at most {} probes: {}", probes,
+         train ? fmt::format("nrmse {} on train receivers", formatNumber(*train)) : refusal);
+    return train;
+  });
+  if (search.probes == 0) throwInput("{}", refusal);
+  requireNoValidationMessages(setup.gpu);
+  const Trial& best = trials.at(search.probes);
+  return {setup.scene, best.layout, best.active, setup.provenance,
+          searchJson(search, trials, *options.max_nrmse)};
+}
+
+// Classification needs a device; without it all probes are active.
+std::vector<uint8_t> activeProbes(const ProbeLayout& layout, const Params& params,
+                                  const PlacementScene& of, Provenance& provenance,
+                                  const Invocation& invocation) {
+  if (params.classification == 0) return {};
+  GpuContext gpu = openDevice(invocation, provenance);
+  const ProbeField field(gpu, of.scene, of.embree, layout, params,
+                         {.seed = invocation.common.seed, .accumulate = false});
+  requireNoValidationMessages(gpu);
+  return field.states().active;
+}
+
+Placed placeBudget(const PlaceOptions& options, const Params& params,
+                   const Invocation& invocation) {
+  Placed placed;
+  const Scene& scene = placed.scene = loadScene(options.scene, invocation);
+  const EmbreeScene embree(scene);
+  const Reachability reachability = findReachable(scene, embree);
+  const PlacementScene of{scene, embree, reachability};
+  placed.provenance = makeProvenance(invocation, scene);
+  Progress progress("layout", 1, invocation.common.quiet);
+  placed.layout =
+      obtainLayout(of, options.field, params, invocation.common.seed, invocation.common.cache,
+                   [&](double done) { progress.update(done); });
+  progress.finish();
+  validateLayout(placed.layout, params);
+  if (!options.glb.empty())
+    placed.active = activeProbes(placed.layout, params, of, placed.provenance, invocation);
+  return placed;
+}
+
+std::string formatSearch(const Json& search) {
+  TextTable table({"at most", "stored", "train nrmse"});
+  for (const Json& step : search["steps"])
+    table.addRow(
+        {step["probes"].dump(), step["stored"].is_null() ? "-" : step["stored"].dump(),
+         step["train_nrmse"].is_null() ? "-" : formatNumber(step["train_nrmse"].get<double>())});
+  return table.text();
+}
+
+void printResult(const Json& r) {
+  const Json& layout = r["layout"];
+  fmt::print("{}", formatFields({{"scene", fmt::format("{}, {}", r["scene"].get<std::string>(),
+                                                       r["state"].get<std::string>())},
+                                 {"probes", formatLayout(r)},
+                                 {"options", formatOptions(layout["options"])},
+                                 {"index", formatBytes(layout["index_bytes"].get<double>())},
+                                 {"built in", formatDuration(layout["build_s"].get<double>())},
+                                 {"evaluations", layout["evaluations"].dump()}}));
+  const Json& search = r["search"];
+  if (search.is_null()) return;
+  fmt::print("\n{}\n", formatSearch(search));
+  fmt::print("{}",
+             formatFields({{"wanted", "nrmse <= " + search["max_nrmse"].dump()},
+                           {"found", fmt::format("at most {} probes", search["probes"].dump())},
+                           {"on train receivers", search["train_nrmse"].dump()},
+                           {"on held-out receivers", search["heldout_nrmse"].dump()}}));
+}
+
+void requireError(const Json& search) {
+  if (search.is_null()) return;
+  const double wanted = search["max_nrmse"].get<double>();
+  if (!search["met"].get<bool>())
+    throw RequirementNotMet(
+        fmt::format("not met: nrmse <= {:g} with up to {} probes; the best, {:.4g} with {}, is "
+                    "written; raise --probes",
+                    wanted, search["steps"].back()["probes"].get<int>(),
+                    search["train_nrmse"].get<double>(), search["probes"].get<int>()));
+  if (!search["heldout_met"].get<bool>())
+    throw RequirementNotMet(fmt::format(
+        "not met on held-out receivers: {} with {} probes, which meet nrmse <= {:g} on train "
+        "receivers; the layout is written",
+        search["heldout_nrmse"].dump(), search["probes"].get<int>(), wanted));
+}
+
+void runPlace(const PlaceOptions& options, const Invocation& invocation) {
+  checkOutput(options.output, ".json");
+  if (!options.glb.empty()) checkOutput(options.glb, ".glb");
+  const Params params = resolveParams(options.field);
+  resolveOptions(findStrategy(options.field.strategy), strategyOptionPairs(options.field));
+  const Placed placed = options.max_nrmse ? placeByError(options, params, invocation)
+                                          : placeBudget(options, params, invocation);
+  const Scene& scene = placed.scene;
+  writeLayout(options.output, placed.layout, scene);
+  if (!options.glb.empty()) writeProbesGlb(options.glb, placed.layout, scene, placed.active);
+  note(invocation, "wrote {}{}", options.output, options.glb.empty() ? "" : " and " + options.glb);
+  Json result = {{"output", options.output},
+                 {"glb", options.glb.empty() ? Json(nullptr) : Json(options.glb)},
+                 {"scene", scene.name},
+                 {"state", placed.provenance.state},
+                 {"strategy", placed.layout.strategy},
+                 {"probes", {{"stored", placed.layout.positions.size()}}},
+                 {"lattice", latticeJson(placed.layout)},
+                 {"layout", layoutJson(placed.layout)},
+                 {"params", params.name},
+                 {"search", placed.search},
+                 {"seed", placed.layout.seed},
+                 {"version", buildInfo().version},
+                 {"provenance", toJson(placed.provenance)}};
+  reportResult(invocation, result, [&] { printResult(result); });
+  requireError(placed.search);
+}
+
+}  // namespace
+
+void addPlaceCommand(Program& program) {
+  auto options = std::make_shared<PlaceOptions>();
+  CLI::App& app = program.addCommand(
+      "place", "a probe layout from a strategy, as a file, with a report of it",
+      "probelab place scenes/cornell/scene.toml --strategy grid --probes 128 -o layout.json",
+      [options](const Invocation& invocation) { runPlace(*options, invocation); });
+  app.formatter(std::make_shared<PlaceHelp>(options));
+  addSceneOptions(app, options->scene, false);
+  addOutputOption(app, options->output, "LAYOUT.json",
+                  "the layout, for --layout of render, evaluate and bench", true);
+  app.add_option("--glb", options->glb,
+                 "the probes as octahedra coloured by state, for a modeller and for strategy file")
+      ->type_name("PROBES.glb")
+      ->check(checkNamed)
+      ->group("Output");
+  addStrategyOptions(app, options->field);
+  options->probes = app.get_option("--probes");
+  app.add_option("--max-nrmse", options->max_nrmse,
+                 fmt::format("instead of a budget: the smallest one whose field meets this error "
+                             "on train receivers (found by doubling and bisection, checked on "
+                             "held-out ones), up to --probes (then default: {}); exits with 3 "
+                             "where it is not met",
+                             kDefaultLimit))
+      ->type_name("E")
+      ->check(checkPositive)
+      ->group("Probes");
+  addParamsOptions(app, options->field);
+  app.add_option(
+         "--updates", options->field.updates,
+         fmt::format("updates that are averaged with --max-nrmse (default: {})", kDefaultAveraged))
+      ->type_name("N")
+      ->check(checkPositiveInteger)
+      ->group("Field");
+  addTracingOptions(app, options->field);
+  addTruthOptions(app, options->truth);
+}
+
+}  // namespace probelab
