@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What probes that lie on no lattice weigh at the corners of a grid of voxels (ddgi/influence.h):
+// three interpolants. None of them looks at light.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "ddgi/influence.h"
+#include "placement/free_space.h"
+
+namespace probelab {
+
+// A corner grid over a box: cells of about spacing / cells_per_spacing, at least 2 corners an axis
+// and at most 2 M in all.
+Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_spacing = 2);
+
+struct CornerSettings {
+  int k = 8;               // probes a corner
+  bool visibility = true;  // only probes that the corner sees
+};
+
+// At each corner the k nearest visible probes with (1 - d / r)^2, r the distance of the (k+1)-th
+// visible one: so a weight has fallen to 0 when its probe leaves the set, and moving over the
+// corners the set changes without a jump. Where no more than k are visible (a small room, a small
+// N) none ever leaves by distance, and r is twice the farthest one's. Corners that are inside
+// solid geometry or not reachable are left empty; a usable corner that sees none of the 256 nearest
+// probes takes the nearest ones regardless.
+CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+                         const FreeSpace& space, const CornerSettings& settings);
+
+// Barycentric in the Delaunay tetrahedron around the corner; outside the hull, those of the
+// closest point on it. Coplanar probes are triangulated, collinear ones chained; coinciding ones
+// share. With `visibility` hidden vertices are dropped; a corner that loses all takes its knn
+// weights. Part of builds with CGAL.
+CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+                                const FreeSpace& space, const CornerSettings& settings);
+
+// The part of tetrahedraWeights that knows nothing of the scene: no corner is left empty.
+CornerWeights barycentricWeights(const Lattice& corners, const std::vector<Vec3f>& positions);
+
+// Natural neighbours (Sibson 1981), by counting (Park et al., Discrete Sibson Interpolation, IEEE
+// TVCG 12(2), 2006): each sample of free space that lies nearer to the corner than to the nearest
+// probe that it sees counts for that probe: the volume that the corner would take from it. With
+// `visibility` a sample counts only at corners that it sees. Samples are a grid of
+// 4^3 points a voxel. Corners at a probe, where there is nothing to take, have that probe alone.
+CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+                             const FreeSpace& space, const CornerSettings& settings);
+
+}  // namespace probelab

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "base/parallel.h"
+#include "placement/corner_weights.h"
+#include "placement/nearest_points.h"
+#include "visible_probes.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kSamplesAnEdge = 4;  // of a voxel
+
+// Corners of the grid whose distance to p is below the radius.
+template <class Visit>
+void cornersWithin(const Lattice& corners, const Vec3f& p, float radius_m, const Visit& visit) {
+  Vec3i low, high;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const float at = (p[axis] - corners.first[axis]) / corners.spacing[axis];
+    const float reach = radius_m / corners.spacing[axis];
+    const auto last = static_cast<float>(corners.count[axis] - 1);
+    low[axis] = static_cast<int>(std::clamp(std::ceil(at - reach), 0.0f, last + 1));
+    high[axis] = static_cast<int>(std::clamp(std::floor(at + reach), -1.0f, last));
+  }
+  for (int z = low.z; z <= high.z; ++z)
+    for (int y = low.y; y <= high.y; ++y)
+      for (int x = low.x; x <= high.x; ++x) {
+        const int i = (z * corners.count.y + y) * corners.count.x + x;
+        const Vec3f corner = corners.position(i);
+        if (length(corner - p) < radius_m) visit(static_cast<std::size_t>(i), corner);
+      }
+}
+
+struct Claim {
+  std::size_t corner;
+  uint32_t probe;
+  auto operator<=>(const Claim&) const = default;
+};
+
+// The samples of one layer of voxels, z fixed: which corners would take them from which probe.
+void claimLayer(const Lattice& corners, const std::vector<Vec3f>& positions,
+                const NearestPoints& probes, const std::vector<uint8_t>& usable,
+                const FreeSpace& space, bool visibility, int layer, std::vector<Claim>& claims) {
+  const EmbreeScene& embree = space.input().embree;
+  const Vec3f step = corners.spacing / Vec3f(kSamplesAnEdge);
+  const Vec3i samples = (corners.count - Vec3i(1, 1, 1)) * Vec3i(kSamplesAnEdge);
+  std::vector<NearPoint> nearest;
+  for (int z = layer * kSamplesAnEdge; z < (layer + 1) * kSamplesAnEdge; ++z)
+    for (int y = 0; y < samples.y; ++y)
+      for (int x = 0; x < samples.x; ++x) {
+        const Vec3f p = corners.first + (Vec3f(Vec3i(x, y, z)) + Vec3f(0.5f)) * step;
+        visibleProbes(probes, positions, space, p, 1, visibility, nearest);
+        const NearPoint& owner = nearest.front();
+        // Nearest regardless: the sample sees no probe, so it lies in a wall or out of reach.
+        if (visibility && !seesPlace(embree, positions[owner.index], p)) continue;
+        cornersWithin(corners, p, owner.distance_m, [&](std::size_t i, const Vec3f& corner) {
+          if (usable[i] && (!visibility || seesPlace(embree, p, corner)))
+            claims.push_back({i, owner.index});
+        });
+      }
+}
+
+}  // namespace
+
+CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+                             const FreeSpace& space, const CornerSettings& settings) {
+  const NearestPoints probes(positions);
+  CornerWeights weights(static_cast<std::size_t>(corners.pointCount()));
+  std::vector<uint8_t> usable(weights.size());
+  parallelFor(usable.size(), 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      usable[i] = space.usable(corners.position(static_cast<int>(i))) ? 1 : 0;
+  });
+  std::vector<std::vector<Claim>> claims(static_cast<std::size_t>(corners.count.z - 1));
+  parallelFor(claims.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t layer = begin; layer < end; ++layer) {
+      claimLayer(corners, positions, probes, usable, space, settings.visibility,
+                 static_cast<int>(layer), claims[layer]);
+      std::sort(claims[layer].begin(), claims[layer].end());
+    }
+  });
+  // A corner collects from several layers; counts are exact in float up to 2^24.
+  for (const auto& layer : claims)
+    for (const Claim& claim : layer) {
+      auto& at = weights[claim.corner];
+      const auto same = std::find_if(at.begin(), at.end(),
+                                     [&](const CornerWeight& w) { return w.probe == claim.probe; });
+      if (same == at.end())
+        at.push_back({claim.probe, 1});
+      else
+        same->weight += 1;
+    }
+  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
+    std::vector<NearPoint> nearest;
+    for (std::size_t i = begin; i < end; ++i) {
+      if (!usable[i] || !weights[i].empty()) continue;
+      visibleProbes(probes, positions, space, corners.position(static_cast<int>(i)), 1,
+                    settings.visibility, nearest);
+      weights[i].push_back({nearest.front().index, 1});
+    }
+  });
+  return weights;
+}
+
+}  // namespace probelab

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "visible_probes.h"
+
+#include <algorithm>
+
+namespace probelab {
+namespace {
+
+constexpr std::size_t kMostTested = 256;
+constexpr float kMargin = 1e-4f;
+// Support over the farthest distance where no more than k probes are visible: the farthest one
+// weighs a quarter of what it would weigh at no distance.
+constexpr float kOpenSupport = 2;
+
+}  // namespace
+
+bool seesPlace(const EmbreeScene& embree, const Vec3f& probe, const Vec3f& place) {
+  const Vec3f way = place - probe;
+  const float distance_m = length(way);
+  if (!(distance_m > 0)) return true;
+  return !embree.occluded(
+      Ray{probe, kMargin * distance_m, way / distance_m, (1 - kMargin) * distance_m});
+}
+
+void visibleProbes(const NearestPoints& probes, const std::vector<Vec3f>& positions,
+                   const FreeSpace& space, const Vec3f& place, std::size_t count, bool visibility,
+                   std::vector<NearPoint>& visible) {
+  const EmbreeScene& embree = space.input().embree;
+  if (!visibility) return probes.nearest(place, count, visible);
+  std::vector<NearPoint> near;
+  visible.clear();
+  std::size_t tested = 0;
+  for (std::size_t wanted = 2 * count;; wanted *= 4) {
+    probes.nearest(place, std::min(wanted, kMostTested), near);
+    for (; tested < near.size() && visible.size() < count; ++tested)
+      if (seesPlace(embree, positions[near[tested].index], place)) visible.push_back(near[tested]);
+    if (visible.size() == count || near.size() < wanted || wanted >= kMostTested) break;
+  }
+  if (visible.empty())
+    visible.assign(near.begin(),
+                   near.begin() + static_cast<std::ptrdiff_t>(std::min(count, near.size())));
+}
+
+std::vector<CornerWeight> kernelWeights(const std::vector<NearPoint>& visible, std::size_t k) {
+  std::vector<CornerWeight> weights;
+  const bool full = visible.size() > k;
+  const std::size_t count = std::min(k, visible.size());
+  if (count == 0) return weights;
+  const float support_m = full ? visible[k].distance_m : kOpenSupport * visible.back().distance_m;
+  for (std::size_t i = 0; i < count; ++i) {
+    const float rest = support_m > 0 ? 1 - visible[i].distance_m / support_m : 0;
+    if (rest > 0) weights.push_back({visible[i].index, rest * rest});
+  }
+  // More than k probes at one and the same distance: nothing tells them apart.
+  if (weights.empty())
+    for (std::size_t i = 0; i < count; ++i) weights.push_back({visible[i].index, 1});
+  return weights;
+}
+
+}  // namespace probelab

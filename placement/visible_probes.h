@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The nearest probes that a place sees.
+#pragma once
+
+#include <vector>
+
+#include "ddgi/influence.h"
+#include "placement/free_space.h"
+#include "placement/nearest_points.h"
+
+namespace probelab {
+
+// Whether a probe sees a place, which may lie on a surface: the last 1e-4 of the way does not
+// count, nor the first, since a probe may lie as near to a wall.
+bool seesPlace(const EmbreeScene& embree, const Vec3f& probe, const Vec3f& place);
+
+// The `count` nearest probes that the place sees, of the 256 nearest, nearest first; if it sees
+// none, the nearest ones regardless. Without `visibility` it sees all.
+void visibleProbes(const NearestPoints& probes, const std::vector<Vec3f>& positions,
+                   const FreeSpace& space, const Vec3f& place, std::size_t count, bool visibility,
+                   std::vector<NearPoint>& visible);
+
+// (1 - d / r)^2 for the first k of them; see knnWeights.
+std::vector<CornerWeight> kernelWeights(const std::vector<NearPoint>& visible, std::size_t k);
+
+}  // namespace probelab
