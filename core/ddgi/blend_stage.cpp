@@ -26,7 +26,8 @@ void assignArray(GpuContext& context, GpuBuffer& buffer, const std::vector<T>& d
   uploadArray(context, buffer, data);
 }
 
-Defines blendDefines(const Params& params, const ProbeAtlas& atlas, bool probe_list) {
+Defines blendDefines(const Params& params, const ProbeAtlas& atlas, bool probe_list,
+                     bool probe_clamps) {
   const bool irradiance = atlas.kind == AtlasKind::irradiance;
   const auto flag = [](const char* name, bool on) {
     return std::pair<std::string, std::string>(name, on ? "1" : "0");
@@ -38,6 +39,7 @@ Defines blendDefines(const Params& params, const ProbeAtlas& atlas, bool probe_l
                   {"PL_PROBES", std::to_string(irradiance ? kIrradianceProbes : kMomentProbes)},
                   {"PL_CHANGE", std::to_string(irradiance ? params.change_detector : 0)},
                   flag("PL_PROBE_LIST", probe_list),
+                  flag("PL_PROBE_CLAMP", probe_clamps),
                   flag("PL_ENCODED", irradiance && params.encoding_gamma != 1),
                   flag("PL_ACCUMULATE", static_cast<bool>(atlas.average)),
                   flag("PL_BACKFACE_SKIP", irradiance && params.backface_skip != 0),
@@ -51,7 +53,7 @@ Defines blendDefines(const Params& params, const ProbeAtlas& atlas, bool probe_l
 
 BlendStage::BlendStage(GpuContext& context, const Params& params, const ProbeAtlas& atlas,
                        const RayBuffers& rays, const GpuBuffer& probe_list,
-                       const GpuBuffer& counters)
+                       const GpuBuffer& probe_clamps, const GpuBuffer& counters)
     : context_(context), params_(params), atlas_(atlas), rays_(rays) {
   const bool irradiance = atlas.kind == AtlasKind::irradiance;
   if (irradiance && params.irradiance_fit != 0) fit_ = bilinearFit(atlas.texels);
@@ -66,8 +68,10 @@ BlendStage::BlendStage(GpuContext& context, const Params& params, const ProbeAtl
                                     {"WEIGHTS", &weights_},
                                     {"COUNTERS", &counters}};
   if (probe_list) inputs.push_back({"PROBE_LIST", &probe_list});
+  const bool clamps = !irradiance && probe_clamps;
+  if (clamps) inputs.push_back({"PROBE_CLAMPS", &probe_clamps});
   stage_ = makeStage(context, "ddgi/blend.comp.glsl",
-                     blendDefines(params, atlas, static_cast<bool>(probe_list)), inputs,
+                     blendDefines(params, atlas, static_cast<bool>(probe_list), clamps), inputs,
                      sizeof(BlendPush));
 }
 

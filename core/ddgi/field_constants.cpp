@@ -45,6 +45,7 @@ Defines fieldDefines(const Params& params, const LayoutUse& use) {
   const QueryParams<double> query = queryParams(params);
   add("PL_CHEBYSHEV_HALVES", halvesOf(query.chebyshev_power));
   add("PL_DECODE_HALVES", halvesOf(query.decode_exponent));
+  add("PL_INTERPOLANT", use.interpolant);
   add("PL_FACING", modes.facing);
   add("PL_TRILINEAR", modes.trilinear);
   add("PL_VISIBILITY", modes.visibility);

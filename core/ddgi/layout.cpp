@@ -168,6 +168,11 @@ ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> position
   return layout;
 }
 
+int queryInterpolant(const ProbeLayout& layout) {
+  return layout.interpolant == Interpolant::lattice ? PL_INTERPOLANT_LATTICE
+                                                    : PL_INTERPOLANT_SCATTERED;
+}
+
 ProbeLengths probeLengths(const ProbeLayout& layout, std::size_t probe) {
   if (layout.lengths.empty()) return {layout.bias_length_m, layout.support_radius_m};
   return layout.lengths[probe];

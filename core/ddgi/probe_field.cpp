@@ -24,6 +24,7 @@ struct StatsPush {
   float gamma;
   uint32_t unused;
 };
+static_assert(sizeof(InfluenceEntry) == sizeof(VoxelEntry));
 constexpr int kFlatChanges = 3;  // after so many a probe takes all rays for good
 constexpr uint32_t kQueryChunk = 1u << 20;
 
@@ -86,9 +87,7 @@ void ProbeField::createStates(GpuContext& context) {
   const auto deviceArray = [&](const auto& values, const char* name) {
     return createBufferFrom(context, values, MemoryUse::device, name);
   };
-  probe_index_ = deviceArray(activeIndex(layout_, states_), "probe index");
-  if (params_.fallback == PL_FALLBACK_NEAREST)
-    nearest_probe_ = deviceArray(nearestIndex(layout_, states_), "nearest probes");
+  createIndex(context);
   probe_positions_ = deviceArray(states_.positions, "probe positions");
   if (usesProbeList()) {
     std::vector<uint32_t> list;
@@ -97,6 +96,38 @@ void ProbeField::createStates(GpuContext& context) {
     list.resize(probeCount());
     probe_list_ = deviceArray(list, "probe list");
   }
+}
+
+// From places to active probes.
+void ProbeField::createIndex(GpuContext& context) {
+  const auto deviceArray = [&](const auto& values, const char* name) {
+    return createBufferFrom(context, values, MemoryUse::device, name);
+  };
+  if (queryInterpolant(layout_) == PL_INTERPOLANT_LATTICE) {
+    probe_index_ = deviceArray(activeIndex(layout_, states_), "probe index");
+    if (params_.fallback == PL_FALLBACK_NEAREST)
+      nearest_probe_ = deviceArray(nearestIndex(layout_, states_), "nearest probes");
+    return;
+  }
+  InfluenceGrid influence =
+      activeInfluence(layout_.influence, states_.positions, states_.active);
+  probes_per_query_ =
+      static_cast<double>(influence.entries.size()) / static_cast<double>(influence.nearest.size());
+  if (influence.entries.empty()) influence.entries.emplace_back();  // a buffer holds something
+  voxel_begin_ = deviceArray(influence.voxel_begin, "voxel begins");
+  entries_ = deviceArray(influence.entries, "voxel entries");
+  if (params_.fallback == PL_FALLBACK_NEAREST)
+    nearest_probe_ = deviceArray(influence.nearest, "nearest probes");
+  std::vector<Vec4f> places;
+  std::vector<float> clamps;
+  const float clamp = static_cast<float>(params_.distance_clamp) / layout_.support_radius_m;
+  for (std::size_t p = 0; p < layout_.lengths.size(); ++p) {
+    const Vec3f& at = states_.positions[p];
+    places.emplace_back(at.x, at.y, at.z, layout_.lengths[p].bias);
+    clamps.push_back(clamp * layout_.lengths[p].support);
+  }
+  places_ = deviceArray(places, "probe places");
+  if (params_.visibility != 0) probe_clamps_ = deviceArray(clamps, "probe clamps");
 }
 
 bool ProbeField::usesProbeList() const {
@@ -116,7 +147,7 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
                 inputs, sizeof(GeneratePush));
   const auto blend = [&](const ProbeAtlas& atlas) {
     return std::make_unique<BlendStage>(context, params_, atlas, batch_.buffers(), probe_list_,
-                                        counter_buffer_);
+                                        probe_clamps_, counter_buffer_);
   };
   set->irradiance = blend(irradiance_);
   if (params_.visibility != 0) set->moments = blend(moments_);
@@ -126,14 +157,17 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
 FieldAccess ProbeField::access() const {
   FieldAccess access;
   const bool full = states_.activeCount() == layout_.probe_of_point.size();
-  access.layout = {.moved = moved_, .full = full};
+  access.layout = {.moved = moved_, .full = full, .interpolant = queryInterpolant(layout_)};
   access.inputs = {{"FIELD", &field_constants_, true}, {"COUNTERS", &counter_buffer_}};
   const auto copy = static_cast<std::size_t>(current_);
   access.addresses = {.irradiance = irradiance_.copies[copy].address(),
                       .moments = params_.visibility != 0 ? moments_.copies[copy].address() : 0,
-                      .probe_index = probe_index_.address(),
+                      .probe_index = probe_index_ ? probe_index_.address() : 0,
                       .nearest_probe = nearest_probe_ ? nearest_probe_.address() : 0,
-                      .positions = probe_positions_.address()};
+                      .positions = probe_positions_.address(),
+                      .voxel_begin = voxel_begin_ ? voxel_begin_.address() : 0,
+                      .entries = entries_ ? entries_.address() : 0,
+                      .places = places_ ? places_.address() : 0};
   return access;
 }
 
@@ -316,16 +350,20 @@ WorkCounts ProbeField::workOfUpdate() const {
   add(full_.get(), full_count_);
   add(reduced_.get(), reduced_count_);
   work.shadow_rays = work.rays * batch_.scene().light_count;
-  if (params_.feedback != 0) work.resolve_taps = work.rays * 8 * (params_.visibility != 0 ? 8 : 4);
+  if (params_.feedback != 0)
+    work.resolve_taps = static_cast<uint64_t>(std::llround(
+        static_cast<double>(work.rays * (params_.visibility != 0 ? 8 : 4)) * probes_per_query_));
   return work;
 }
 
 uint64_t ProbeField::atlasBytes() const { return probeCount() * atlasBytesPerProbe(params_); }
 
 uint64_t ProbeField::stateBytes() const {
-  return (states_.activeCount() < layout_.probe_of_point.size() ? probe_index_.size() : 0) +
-         (moved_ ? probe_positions_.size() : 0) + (nearest_probe_ ? nearest_probe_.size() : 0) +
-         (probe_list_ ? probe_list_.size() : 0);
+  const auto bytes = [](const GpuBuffer& buffer) { return buffer ? buffer.size() : 0; };
+  const bool full = states_.activeCount() == layout_.probe_of_point.size();
+  return (full ? 0 : bytes(probe_index_)) + (moved_ ? bytes(probe_positions_) : 0) +
+         bytes(nearest_probe_) + bytes(probe_list_) + bytes(voxel_begin_) + bytes(entries_) +
+         bytes(places_) + bytes(probe_clamps_);
 }
 
 }  // namespace probelab

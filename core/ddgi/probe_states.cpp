@@ -15,7 +15,7 @@ struct StatePush {
   uint32_t ray_count, near_surface;
   float backface_threshold, front_distance;
   Vec3f spacing;
-  float limit;
+  float limit, bias_length;
   uint64_t surfaces;
 };
 
@@ -35,12 +35,13 @@ class FixedRays {
     generate_ =
         makeStage(context, "ddgi/generate.comp.glsl", {{"PL_PROBE_LIST", "0"}},
                   {{"DIRECTIONS", &directions_}, {"PROBES", &positions_}}, sizeof(GeneratePush));
-    relocate_ =
-        makeStage(context, "ddgi/probe_state.comp.glsl", {{"PL_STATE", "0"}},
-                  {{"DIRECTIONS", &directions_}, {"HOMES", &homes_}, {"PROBES", &positions_}},
-                  sizeof(StatePush));
-    classify_ = makeStage(context, "ddgi/probe_state.comp.glsl", {{"PL_STATE", "1"}},
-                          {{"DIRECTIONS", &directions_}, {"ACTIVE", &active_}}, sizeof(StatePush));
+    if (!layout.lengths.empty()) {
+      std::vector<float> bias;
+      for (const ProbeLengths& lengths : layout.lengths) bias.push_back(lengths.bias);
+      lengths_ = createBufferFrom(context, bias, MemoryUse::device, "probe lengths");
+    }
+    relocate_ = stateStage(context, "0", {{"HOMES", &homes_}, {"PROBES", &positions_}});
+    classify_ = stateStage(context, "1", {{"ACTIVE", &active_}});
   }
 
   void relocate() { run("relocate", relocate_); }
@@ -49,6 +50,14 @@ class FixedRays {
   const GpuBuffer& active() const { return active_; }
 
  private:
+  Stage stateStage(GpuContext& context, const char* state, std::vector<StageInput> inputs) {
+    inputs.push_back({"DIRECTIONS", &directions_});
+    if (lengths_) inputs.push_back({"LENGTHS", &lengths_});
+    return makeStage(context, "ddgi/probe_state.comp.glsl",
+                     {{"PL_STATE", state}, {"PL_LOCAL_LENGTHS", lengths_ ? "1" : "0"}}, inputs,
+                     sizeof(StatePush));
+  }
+
   void run(const char* name, const Stage& stage) {
     const auto rays = static_cast<uint32_t>(params_.fixed_rays);
     const auto probes = static_cast<uint32_t>(layout_.positions.size());
@@ -71,9 +80,10 @@ class FixedRays {
             .ray_count = static_cast<uint32_t>(params_.fixed_rays),
             .near_surface = params_.classification == PL_CLASSIFY_NEAR_SURFACE ? 1u : 0u,
             .backface_threshold = real(params_.backface_threshold),
-            .front_distance = real(params_.relocation_front) * layout_.bias_length_m,
+            .front_distance = real(params_.relocation_front),
             .spacing = layout_.lattice.spacing,
             .limit = real(params_.relocation_limit),
+            .bias_length = layout_.bias_length_m,
             .surfaces = batch_.buffers().surfaces.address()};
   }
 
@@ -82,6 +92,7 @@ class FixedRays {
   const ProbeLayout& layout_;
   const Params& params_;
   GpuBuffer directions_, homes_, positions_, active_;
+  GpuBuffer lengths_;  // s_i, of scattered probes
   Stage generate_, relocate_, classify_;
 };
 

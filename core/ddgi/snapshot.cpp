@@ -3,16 +3,30 @@
 
 namespace probelab {
 
-FieldSnapshot takeSnapshot(ProbeField& field) {
+FieldSnapshot layoutSnapshot(const ProbeLayout& layout, const ProbeStates& states,
+                             const Params& params) {
   FieldSnapshot snapshot;
-  snapshot.lattice = latticeShape(field.layout(), field.params());
-  snapshot.modes = queryModes(field.params());
-  snapshot.params = queryParams(field.params());
-  snapshot.modes.moved = isMoved(field.layout(), field.states()) ? 1 : 0;
-  snapshot.probe_of_point = activeIndex(field.layout(), field.states());
-  if (snapshot.modes.fallback == PL_FALLBACK_NEAREST)
-    snapshot.nearest_probe = nearestIndex(field.layout(), field.states());
-  snapshot.positions = field.states().positions;
+  snapshot.lattice = latticeShape(layout, params);
+  snapshot.modes = queryModes(params);
+  snapshot.params = queryParams(params);
+  snapshot.interpolant = queryInterpolant(layout);
+  snapshot.positions = states.positions;
+  const bool nearest = snapshot.modes.fallback == PL_FALLBACK_NEAREST;
+  if (snapshot.interpolant == PL_INTERPOLANT_SCATTERED) {
+    snapshot.influence = activeInfluence(layout.influence, states.positions, states.active);
+    if (nearest) snapshot.nearest_probe = snapshot.influence.nearest;
+    for (const ProbeLengths& lengths : layout.lengths)
+      snapshot.bias_lengths.push_back(lengths.bias);
+    return snapshot;
+  }
+  snapshot.modes.moved = isMoved(layout, states) ? 1 : 0;
+  snapshot.probe_of_point = activeIndex(layout, states);
+  if (nearest) snapshot.nearest_probe = nearestIndex(layout, states);
+  return snapshot;
+}
+
+FieldSnapshot takeSnapshot(ProbeField& field) {
+  FieldSnapshot snapshot = layoutSnapshot(field.layout(), field.states(), field.params());
   snapshot.irradiance = field.irradianceTexels();
   snapshot.moments = field.momentTexels();
   return snapshot;

@@ -26,6 +26,7 @@ Words compileResolve(const std::string& name, const std::string& value) {
                      {"PL_BORDER", "0"},
                      {"PL_CHEBYSHEV_HALVES", "6"},
                      {"PL_FULL_LATTICE", "0"},
+                     {"PL_INTERPOLANT", "0"},
                      {"PL_DECODE_HALVES", "5"},
                      {"PL_MOMENT_FORMAT", "1"},
                      {"PL_MOMENT_ENCODING", "1"},

@@ -17,6 +17,9 @@ BUFFER(BIND_WEIGHTS, readonly, Weights, float weights[]);               // [entr
 #if PL_PROBE_LIST
 BUFFER(BIND_PROBE_LIST, readonly, ProbeList, uint probe_list[]);
 #endif
+#if PL_PROBE_CLAMP
+BUFFER(BIND_PROBE_CLAMPS, readonly, ProbeClamps, float probe_clamps[]);  // [probe], as distances
+#endif
 BUFFER(BIND_COUNTERS, restrict, CounterBuffer, CounterData counters);
 
 layout(push_constant, scalar) uniform Push {
@@ -201,8 +204,8 @@ void finishTexel(uint probe, uint texel, vec4 sum, bool frozen) {
 }
 
 #if PL_BLEND == 0
-// What a ray brings, and in w whether it counts.
-vec4 contribution(uint item) {
+// What a ray brings, and in w whether it counts. `largest`: the probe's clamp of the distance.
+vec4 contribution(uint item, float largest) {
   vec4 value = push.rays.at[item];
 #if PL_BACKFACE_SKIP
   return value.w < 0.0 ? vec4(0.0) : vec4(value.rgb, 1.0);
@@ -210,8 +213,13 @@ vec4 contribution(uint item) {
   return vec4(value.rgb, 1.0);
 #endif
 }
+#elif PL_PROBE_CLAMP
+vec4 contribution(uint item, float largest) {
+  float r = min(push.rays.at[item], largest);
+  return vec4(r, r * r, 0.0, 1.0);
+}
 #else
-vec4 contribution(uint item) {
+vec4 contribution(uint item, float largest) {
   float r = push.rays.at[item];
   return vec4(r, r * r, 0.0, 1.0);
 }
@@ -231,13 +239,19 @@ uint probeOfBatch(uint q) {
   return (gl_WorkGroupID.y * kProbes + q) * kGroupSize + gl_LocalInvocationID.x;
 }
 
-void finishSum(uint i, uint texel, vec4 sum, bool frozen) {
-  uint p = probeOfBatch(i / kBlock);
-  if (p >= push.items.probe_count || texel == kNoTexel) return;
+// Probe number p of the batch, among all probes.
+uint storedProbe(uint p) {
   uint probe = push.items.first_probe + p;
 #if PL_PROBE_LIST
   probe = probe_list[probe];
 #endif
+  return probe;
+}
+
+void finishSum(uint i, uint texel, vec4 sum, bool frozen) {
+  uint p = probeOfBatch(i / kBlock);
+  if (p >= push.items.probe_count || texel == kNoTexel) return;
+  uint probe = storedProbe(p);
 #if !(PL_BLEND == 0 && PL_BACKFACE_SKIP)
   sum.w = 1.0;  // weights are normalised and every ray counts
 #endif
@@ -254,10 +268,17 @@ void main() {
     first_item[q] = min(probeOfBatch(q), push.items.probe_count - 1u) * push.items.stride_probe;
     [[unroll]] for (uint k = 0u; k < kBlock; ++k) sums[q * kBlock + k] = vec4(0.0);
   }
+  float largest[kProbes];
+  [[unroll]] for (uint q = 0u; q < kProbes; ++q) {
+    largest[q] = 0.0;
+#if PL_PROBE_CLAMP
+    largest[q] = probe_clamps[storedProbe(min(probeOfBatch(q), push.items.probe_count - 1u))];
+#endif
+  }
   for (uint e = begin; e < end; ++e) {
     uint ray = entry_rays[e] * push.items.stride_ray;
     vec4 values[kProbes];
-    [[unroll]] for (uint q = 0u; q < kProbes; ++q) values[q] = contribution(first_item[q] + ray);
+    [[unroll]] for (uint q = 0u; q < kProbes; ++q) values[q] = contribution(first_item[q] + ray, largest[q]);
     [[unroll]] for (uint k = 0u; k < kBlock; ++k) {
       float weight = weights[e * kBlock + k];
       [[unroll]] for (uint q = 0u; q < kProbes; ++q)

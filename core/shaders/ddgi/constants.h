@@ -70,6 +70,7 @@ REFERENCE(readonly, Vec4Array, vec4);
 REFERENCE(readonly, Vec2Array, vec2);
 REFERENCE(readonly, RayArray, Ray);
 REFERENCE(readonly, HitArray, Hit);
+REFERENCE(readonly, EntryArray, VoxelEntry);
 REFERENCE(readonly, TriangleArray, TriangleData);
 REFERENCE(readonly, MaterialArray, GpuMaterial);
 REFERENCE(readonly, SurfaceArray, RaySurface);
@@ -98,8 +99,12 @@ struct FieldAddresses {
   PL_ADDRESS(WordArray) irradiance;
   PL_ADDRESS(WordArray) moments;       // with visibility
   PL_ADDRESS(IntArray) probe_index;    // [lattice point]: active probe or -1
-  PL_ADDRESS(IntArray) nearest_probe;  // [lattice point], with the nearest fallback
-  PL_ADDRESS(Vec3Array) positions;     // [probe], where probes are moved
+  PL_ADDRESS(IntArray) nearest_probe;  // [lattice point or voxel], with the nearest fallback
+  PL_ADDRESS(Vec3Array) positions;     // [probe], where a lattice's probes are moved
+  // With scattered probes.
+  PL_ADDRESS(WordArray) voxel_begin;   // [voxel + 1]: first entry
+  PL_ADDRESS(EntryArray) entries;
+  PL_ADDRESS(Vec4Array) places;        // [probe]: position, s_i
 };
 
 // Where the rays of a batch lie: item = probe * stride_probe + ray * stride_ray.
@@ -149,7 +154,7 @@ const float kTinyWeightSum = 1e-6f;
 
 #ifdef __cplusplus
 static_assert(sizeof(GpuMaterial) == 160 && sizeof(RaySurface) == 64 && sizeof(QueryPoint) == 36 &&
-              sizeof(FieldAddresses) == 40 && sizeof(BlendConstants) == 48);
+              sizeof(FieldAddresses) == 64 && sizeof(BlendConstants) == 48 && sizeof(VoxelEntry) == 12);
 #endif
 
 PL_NAMESPACE_END

@@ -22,13 +22,19 @@ LatticeShape specialisedLattice() {
 const QueryModes kModes = QueryModes(PL_FACING, PL_TRILINEAR, PL_VISIBILITY, PL_CRUSH, PL_AVERAGE,
                                      PL_FALLBACK, PL_MOVED, PL_OFFSET_WEIGHTS);
 
+#if PL_INTERPOLANT == PL_INTERPOLANT_SCATTERED
+uint fetchVoxelBegin(int voxel) { return push.field.voxel_begin.at[voxel]; }
+VoxelEntry fetchEntry(uint index) { return push.field.entries.at[index]; }
+vec4 fetchPlace(int probe) { return push.field.places.at[probe]; }
+#else
 #if PL_FULL_LATTICE
 int fetchProbe(int lattice_index) { return lattice_index; }
 #else
 int fetchProbe(int lattice_index) { return push.field.probe_index.at[lattice_index]; }
 #endif
-int fetchNearest(int lattice_index) { return push.field.nearest_probe.at[lattice_index]; }
 vec3 fetchPosition(int probe) { return push.field.positions.at[probe]; }
+#endif
+int fetchNearest(int index) { return push.field.nearest_probe.at[index]; }
 
 vec3 fetchIrradiance(int probe, int texel) {
   const int side = PL_IRRADIANCE_TEXELS + 2 * PL_BORDER;
@@ -41,6 +47,15 @@ vec2 fetchMoments(int probe, int texel) {
 }
 
 #include "shared/query.h"
+
+QueryResult queryField(QueryParams params, LatticeShape shape, vec3 position, vec3 normal,
+                       vec3 view) {
+#if PL_INTERPOLANT == PL_INTERPOLANT_SCATTERED
+  return queryScattered(params, kModes, shape, position, normal, view);
+#else
+  return queryLattice(params, kModes, shape, position, normal, view);
+#endif
+}
 
 // Counts a query that the weights of the cell's probes did not answer.
 #define COUNT_ANSWER(counters, how) \

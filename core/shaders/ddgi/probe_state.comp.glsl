@@ -15,14 +15,19 @@ BUFFER(BIND_PROBES, restrict, Probes, vec3 positions[]);
 BUFFER(BIND_ACTIVE, writeonly, Active, uint active_probes[]);  // [probe]
 #endif
 
+#if PL_LOCAL_LENGTHS
+BUFFER(BIND_LENGTHS, readonly, Lengths, float bias_lengths[]);  // [probe], s_i in metres
+#endif
+
 layout(push_constant, scalar) uniform Push {
   RayItems items;
   uint ray_count;
   uint near_surface;         // 1: a probe without a surface in the cells around it is inactive
   float backface_threshold;  // share of the rays
-  float front_distance;      // metres kept from front faces
-  vec3 spacing;              // metres
+  float front_distance;      // kept from front faces, x s_i
+  vec3 spacing;              // metres, of a lattice
   float limit;               // x spacing, farthest from home
+  float bias_length;         // s_i in metres, of a lattice
   SurfaceArray surfaces;
 } push;
 
@@ -38,11 +43,27 @@ struct FixedHits {
   bool surface_around;  // a front face within one spacing along every axis
 };
 
-FixedHits gatherHits(uint probe) {
+// The lengths of a probe, metres: s_i, and the spacing along the axes.
+struct LocalLengths {
+  float bias;
+  vec3 spacing;
+};
+
+LocalLengths lengthsOf(uint probe) {
+#if PL_LOCAL_LENGTHS
+  float bias = bias_lengths[probe];
+  return LocalLengths(bias, vec3(bias));
+#else
+  return LocalLengths(push.bias_length, push.spacing);
+#endif
+}
+
+// `p`: the probe's number in the batch.
+FixedHits gatherHits(uint p, vec3 spacing) {
   FixedHits hits = FixedHits(0u, kMissDistance, vec3(0.0), kMissDistance, vec3(0.0), 0.0, vec3(0.0),
                              false);
   for (uint r = 0u; r < push.ray_count; ++r) {
-    uint item = probe * push.items.stride_probe + r * push.items.stride_ray;
+    uint item = p * push.items.stride_probe + r * push.items.stride_ray;
     float t = push.surfaces.at[item].distance;
     vec3 d = directions[r];
     if (t < 0.0) {
@@ -53,14 +74,14 @@ FixedHits gatherHits(uint probe) {
     if (t < hits.near) hits.near = t, hits.to_near = d;
     if (t > hits.far) hits.far = t, hits.to_far = d;
     vec3 reach = abs(d) * t;
-    if (all(lessThanEqual(reach, push.spacing))) hits.surface_around = true;
+    if (all(lessThanEqual(reach, spacing))) hits.surface_around = true;
   }
   return hits;
 }
 
 #if PL_STATE == 0
-vec3 relocated(FixedHits hits, vec3 offset) {
-  float kept = push.front_distance;
+// `kept`: metres, from front faces.
+vec3 relocated(FixedHits hits, vec3 offset, float kept) {
   if (float(hits.back_count) > push.backface_threshold * float(push.ray_count))
     return offset + hits.to_back * (hits.back + 0.5 * kept);
   if (hits.near < kept) {
@@ -78,10 +99,12 @@ void main() {
   uint p = gl_GlobalInvocationID.x;
   if (p >= push.items.probe_count) return;
   uint probe = push.items.first_probe + p;
-  FixedHits hits = gatherHits(p);
+  LocalLengths lengths = lengthsOf(probe);
+  FixedHits hits = gatherHits(p, lengths.spacing);
 #if PL_STATE == 0
-  vec3 offset = relocated(hits, positions[probe] - homes[probe]);
-  vec3 share = offset / push.spacing;
+  vec3 offset = relocated(hits, positions[probe] - homes[probe],
+                          push.front_distance * lengths.bias);
+  vec3 share = offset / lengths.spacing;
   if (dot(share, share) < push.limit * push.limit) positions[probe] = homes[probe] + offset;
 #else
   bool inside = float(hits.back_count) > push.backface_threshold * float(push.ray_count);

@@ -24,8 +24,7 @@ void main() {
   LatticeShape shape = specialisedLattice();
   uint i = min(gl_GlobalInvocationID.x, push.item_count - 1u);
   QueryPoint point = push.points.at[i];
-  QueryResult result =
-      queryLattice(params, kModes, shape, point.position, point.normal, point.view);
+  QueryResult result = queryField(params, shape, point.position, point.normal, point.view);
   if (gl_GlobalInvocationID.x >= push.item_count) return;
   COUNT_ANSWER(counters, result.answer);
   if (result.answer == PL_ANSWER_WEIGHED && result.weight_sum < kTinyWeightSum)

@@ -36,8 +36,8 @@ void main() {
   vec3 irradiance = vec3(0.0);
 #if PL_FEEDBACK
   if (surface.hit != 0u && max(surface.albedo.x, max(surface.albedo.y, surface.albedo.z)) > 0.0) {
-    QueryResult result = queryLattice(params, kModes, shape, surface.origin, surface.normal,
-                                      push.rays.at[i].direction);
+    QueryResult result = queryField(params, shape, surface.origin, surface.normal,
+                                    push.rays.at[i].direction);
     COUNT_ANSWER(counters, result.answer);
     irradiance = result.irradiance;
     outgoing += surface.albedo * irradiance * (1.0 / 3.14159265358979);

@@ -1,16 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// The query of a lattice of probes: the weight of a probe, the reading of its texels, the average.
+// The query of a lattice of probes, or of scattered ones: which probes count at a point and how much
+// each is of the interpolation, the weight of a probe, the reading of its texels, the average.
 // Sources: [GDC19], [M19], [M21], [RTXGI]; each switch of QueryModes names its own.
 //
 // The field is reached through the includer:
 //   GLSL  functions of these names, declared before this header
 //   C++   the same as members of the type Field
 //     int fetchProbe(int lattice_index)                 stored and active probe, -1: none
-//     int fetchNearest(int lattice_index)               nearest active probe, -1: none at all
+//     int fetchNearest(int index)                       nearest active probe of a lattice point or
+//                                                       a voxel, -1: none at all
 //     vec3 fetchPosition(int probe)                     where probes are off the lattice's points
+//     uint fetchVoxelBegin(int voxel)                   first entry of a voxel
+//     VoxelEntry fetchEntry(uint index)
+//     vec4 fetchPlace(int probe)                        a scattered probe's position and s_i
 //     vec3 fetchIrradiance(int probe, int texel)        as stored (encoded)
 //     vec2 fetchMoments(int probe, int texel)           mean and mean square, in units of r_i
-// and PL_CHEBYSHEV_HALVES, PL_DECODE_HALVES for powParameter.
+// and PL_CHEBYSHEV_HALVES, PL_DECODE_HALVES for powParameter. GLSL has the query of PL_INTERPOLANT
+// alone, C++ both; a Field needs only the members that its query calls.
 //
 // The loop over probes is written without branches: a software device runs both sides of each.
 #ifndef PROBELAB_SHARED_QUERY_H
@@ -26,10 +32,15 @@
 #define PL_FETCH_PROBE(index) field.fetchProbe(index)
 #define PL_FETCH_NEAREST(index) field.fetchNearest(index)
 #define PL_FETCH_POSITION(probe) Vec3<T>(field.fetchPosition(probe))
+#define PL_FETCH_VOXEL_BEGIN(voxel) field.fetchVoxelBegin(voxel)
+#define PL_FETCH_ENTRY(index) field.fetchEntry(index)
+#define PL_FETCH_PLACE(probe) Vec4<T>(field.fetchPlace(probe))
 #define PL_FETCH_IRRADIANCE(probe, texel) Vec3<T>(field.fetchIrradiance(probe, texel))
 #define PL_FETCH_MOMENTS(probe, texel) Vec2<T>(field.fetchMoments(probe, texel))
 #define PL_CHEBYSHEV_HALVES -1
 #define PL_DECODE_HALVES -1
+#define PL_HAS_LATTICE 1
+#define PL_HAS_SCATTERED 1
 #else
 #define PL_FIELD_FUNCTION
 #define PL_FIELD_PARAM
@@ -37,6 +48,11 @@
 #define PL_FETCH_PROBE(index) fetchProbe(index)
 #define PL_FETCH_NEAREST(index) fetchNearest(index)
 #define PL_FETCH_POSITION(probe) fetchPosition(probe)
+#define PL_FETCH_VOXEL_BEGIN(voxel) fetchVoxelBegin(voxel)
+#define PL_FETCH_ENTRY(index) fetchEntry(index)
+#define PL_FETCH_PLACE(probe) fetchPlace(probe)
+#define PL_HAS_LATTICE (PL_INTERPOLANT == PL_INTERPOLANT_LATTICE)
+#define PL_HAS_SCATTERED (PL_INTERPOLANT == PL_INTERPOLANT_SCATTERED)
 #define PL_FETCH_IRRADIANCE(probe, texel) fetchIrradiance(probe, texel)
 #define PL_FETCH_MOMENTS(probe, texel) fetchMoments(probe, texel)
 #endif
@@ -86,33 +102,16 @@ PL_FIELD_FUNCTION VEC2 readMoments(PL_FIELD_PARAM int probe, OctTaps PL_OF_T t) 
   return top * (REAL(1) - t.fraction_y) + bottom * t.fraction_y;
 }
 
-// Weight of the lattice point with index `corner` on one axis, at lattice coordinate x (clamped to
-// the lattice): a tent over the two cells beside it. `place` is its top, the point itself or where
-// its probe was moved to (same axis, within half a cell); the ends stay, so no cell's border shows.
-PL_FUNCTION REAL axisWeight(REAL x, int corner, REAL place) {
-  REAL low = REAL(corner) - REAL(1);
-  REAL high = REAL(corner) + REAL(1);
-  return x < place ? (x - low) / (place - low) : (high - x) / (high - place);
-}
-
-// Trilinear weight from those of the axes.
-PL_FUNCTION REAL trilinearWeight(QueryParams PL_OF_T params, QueryModes modes, VEC3 axis) {
-  if (modes.trilinear == PL_TRILINEAR_AXIS_MAX)
-    return max(params.trilinear_floor, axis.x) * max(params.trilinear_floor, axis.y) *
-           max(params.trilinear_floor, axis.z);
-  REAL product = axis.x * axis.y * axis.z;
-  return modes.trilinear == PL_TRILINEAR_PRODUCT_PLUS ? product + params.trilinear_floor : product;
-}
-
-// Weight of a probe: facing, visibility, crush and trilinear as the modes order them. `cosine`
-// faces the query's normal to the probe; `visibility` is 1 where it is off.
-PL_FUNCTION REAL probeWeight(QueryParams PL_OF_T params, QueryModes modes, REAL trilinear,
-                             REAL cosine, REAL visibility) {
+// Weight of a probe: facing, visibility, crush and `share`, its weight in the interpolation, as the
+// modes order them. `cosine` faces the query's normal to the probe; `visibility` is 1 where it is
+// off.
+PL_FUNCTION REAL probeWeight(QueryParams PL_OF_T params, QueryModes modes, REAL share, REAL cosine,
+                             REAL visibility) {
   REAL weight = modes.facing == PL_FACING_NONE ? REAL(1) : facingWeight(params, cosine);
   weight = weight * visibility;
   if (modes.crush == PL_CRUSH_BEFORE_TRILINEAR)
-    return crushWeight(params, max(REAL(1e-6), weight)) * trilinear;
-  weight = weight * trilinear;
+    return crushWeight(params, max(REAL(1e-6), weight)) * share;
+  weight = weight * share;
   return modes.crush == PL_CRUSH_AFTER_TRILINEAR ? crushWeight(params, weight) : weight;
 }
 
@@ -125,15 +124,24 @@ PL_STRUCT QuerySums {
   REAL unoccluded_weight;
 };
 
+PL_FUNCTION QuerySums PL_OF_T noSums(VEC3 zero) {
+  QuerySums PL_OF_T sums;
+  sums.value = zero;
+  sums.weight = zero.x;
+  sums.unoccluded_value = zero;
+  sums.unoccluded_weight = zero.x;
+  return sums;
+}
+
 PL_FUNCTION void addProbe(PL_INOUT(QuerySums PL_OF_T) sums, QueryParams PL_OF_T params,
-                          QueryModes modes, REAL trilinear, REAL cosine, REAL visibility,
+                          QueryModes modes, REAL share, REAL cosine, REAL visibility,
                           VEC3 value) {
-  REAL weight = probeWeight(params, modes, trilinear, cosine, visibility);
+  REAL weight = probeWeight(params, modes, share, cosine, visibility);
   if (modes.average == PL_AVERAGE_SQRT_OF_WEIGHTED) weight = sqrt(weight);
   sums.value = sums.value + value * weight;
   sums.weight = sums.weight + weight;
   if (modes.fallback != PL_FALLBACK_NONE) {
-    REAL unoccluded = probeWeight(params, modes, trilinear, cosine, REAL(1));
+    REAL unoccluded = probeWeight(params, modes, share, cosine, REAL(1));
     if (modes.average == PL_AVERAGE_SQRT_OF_WEIGHTED) unoccluded = sqrt(unoccluded);
     sums.unoccluded_value = sums.unoccluded_value + value * unoccluded;
     sums.unoccluded_weight = sums.unoccluded_weight + unoccluded;
@@ -183,7 +191,7 @@ PL_FUNCTION QueryResult PL_OF_T finishQuery(QueryModes modes, QuerySums PL_OF_T 
   return result;
 }
 
-// First corner of the cell of a lattice coordinate on one axis with `count` probes.
+// First corner of the cell of a lattice coordinate on one axis with `count` points.
 PL_FUNCTION int latticeCell(REAL coordinate, int count) {
   return min(max(floorToInt(coordinate), 0), max(count - 2, 0));
 }
@@ -191,7 +199,8 @@ PL_FUNCTION int latticeCell(REAL coordinate, int count) {
 // What all probes of a query share.
 PL_STRUCT QueryCell {
   VEC3 position;
-  VEC3 biased;      // position with the biases
+  VEC3 bias;        // of the position, x s_i
+  VEC3 biased;      // position with the biases in the layout's s_i: where the probes are looked up
   VEC3 normal;
   VEC3 coordinate;  // of the biased position on the lattice, clamped to it
   int x;            // the cell's first corner
@@ -205,8 +214,8 @@ PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, LatticeS
   QueryCell PL_OF_T cell;
   cell.position = position;
   cell.normal = normal;
-  cell.biased = position + (normal * params.normal_bias - view * params.view_bias) *
-                               REAL(lattice.bias_length);
+  cell.bias = normal * params.normal_bias - view * params.view_bias;
+  cell.biased = position + cell.bias * REAL(lattice.bias_length);
   VEC3 c = (cell.biased - VEC3(lattice.first)) / VEC3(lattice.spacing);
   cell.coordinate = VEC3(clamp(c.x, REAL(0), REAL(lattice.count_x - 1)),
                          clamp(c.y, REAL(0), REAL(lattice.count_y - 1)),
@@ -229,11 +238,72 @@ PL_FIELD_FUNCTION REAL probeVisibility(PL_FIELD_PARAM QueryParams PL_OF_T params
   return visibilityWeight(params, readMoments(PL_FIELD_ARG probe, taps), distance_r);
 }
 
-PL_FUNCTION REAL facingCosine(QueryModes modes, QueryCell PL_OF_T cell, VEC3 probe_position) {
+PL_FUNCTION REAL facingCosine(QueryModes modes, QueryCell PL_OF_T cell, VEC3 biased,
+                              VEC3 probe_position) {
   VEC3 to_probe =
-      probe_position - (modes.facing == PL_FACING_WRAP_BIASED ? cell.biased : cell.position);
+      probe_position - (modes.facing == PL_FACING_WRAP_BIASED ? biased : cell.position);
   REAL length_sq = dot(to_probe, to_probe);
   return length_sq > REAL(0) ? dot(to_probe, cell.normal) / sqrt(length_sq) : REAL(1);
+}
+
+// Adds a probe whose weight in the interpolation is `share`; `biased` is the query's position with
+// the biases in the probe's own s_i.
+PL_FIELD_FUNCTION void queryProbe(PL_FIELD_PARAM PL_INOUT(QuerySums PL_OF_T) sums,
+                                  QueryParams PL_OF_T params, QueryModes modes,
+                                  LatticeShape lattice, QueryCell PL_OF_T cell, int probe,
+                                  REAL share, VEC3 probe_position, VEC3 biased) {
+#ifdef __cplusplus
+  // Where a weight is 0, automatic differentiation would divide by the root of it.
+  if (share <= REAL(0)) return;
+#endif
+  REAL visibility = REAL(1);
+  if (modes.visibility != 0)
+    visibility = probeVisibility(PL_FIELD_ARG params, lattice, probe, probe_position - biased);
+  REAL cosine = REAL(1);
+  if (modes.facing != PL_FACING_NONE) cosine = facingCosine(modes, cell, biased, probe_position);
+  VEC3 texel = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
+  addProbe(sums, params, modes, share, cosine, visibility, decodeForAverage(params, texel));
+}
+
+// The query's result from the sums; `nearest` is the lattice point or voxel whose nearest probe
+// answers where no probe has a weight.
+PL_FIELD_FUNCTION QueryResult PL_OF_T answerQuery(PL_FIELD_PARAM QueryParams PL_OF_T params,
+                                                  QueryModes modes, LatticeShape lattice,
+                                                  QueryCell PL_OF_T cell,
+                                                  QuerySums PL_OF_T sums, int nearest) {
+  QueryResult PL_OF_T result = finishQuery(modes, sums);
+  if (modes.fallback == PL_FALLBACK_NEAREST && result.answer == PL_ANSWER_NONE) {
+    int probe = PL_FETCH_NEAREST(nearest);
+    if (probe >= 0) {
+      VEC3 stored = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
+      result.irradiance = averageToIrradiance(modes, decodeForAverage(params, stored), REAL(1));
+      result.answer = PL_ANSWER_NEAREST;
+    }
+  }
+  result.irradiance = result.irradiance * boundsWeight(lattice, cell.position);
+  return result;
+}
+
+// Both queries: irradiance arriving at `position` (metres, relative to Scene::origin) on a surface
+// with unit `normal`; `view` is the unit direction from the eye, or along the ray, to the point.
+
+#if PL_HAS_LATTICE
+// Weight of the lattice point with index `corner` on one axis, at lattice coordinate x (clamped to
+// the lattice): a tent over the two cells beside it. `place` is its top, the point itself or where
+// its probe was moved to (same axis, within half a cell); the ends stay, so no cell's border shows.
+PL_FUNCTION REAL axisWeight(REAL x, int corner, REAL place) {
+  REAL low = REAL(corner) - REAL(1);
+  REAL high = REAL(corner) + REAL(1);
+  return x < place ? (x - low) / (place - low) : (high - x) / (high - place);
+}
+
+// Trilinear weight from those of the axes.
+PL_FUNCTION REAL trilinearWeight(QueryParams PL_OF_T params, QueryModes modes, VEC3 axis) {
+  if (modes.trilinear == PL_TRILINEAR_AXIS_MAX)
+    return max(params.trilinear_floor, axis.x) * max(params.trilinear_floor, axis.y) *
+           max(params.trilinear_floor, axis.z);
+  REAL product = axis.x * axis.y * axis.z;
+  return modes.trilinear == PL_TRILINEAR_PRODUCT_PLUS ? product + params.trilinear_floor : product;
 }
 
 // Adds the probe of lattice point (x, y, z), if it has one.
@@ -258,57 +328,57 @@ PL_FIELD_FUNCTION void addCorner(PL_FIELD_PARAM PL_INOUT(QuerySums PL_OF_T) sums
                 axisWeight(cell.coordinate.y, y, place.y),
                 axisWeight(cell.coordinate.z, z, place.z));
   }
-  REAL trilinear = trilinearWeight(params, modes, axis);
-#ifdef __cplusplus
-  // Where a weight is 0, automatic differentiation would divide by the root of it.
-  if (!usable || trilinear <= REAL(0)) return;
-#endif
-  if (!usable) trilinear = REAL(0);
-  REAL visibility = REAL(1);
-  if (modes.visibility != 0)
-    visibility = probeVisibility(PL_FIELD_ARG params, lattice, probe, probe_position - cell.biased);
-  REAL cosine = REAL(1);
-  if (modes.facing != PL_FACING_NONE) cosine = facingCosine(modes, cell, probe_position);
-  VEC3 texel = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
-  addProbe(sums, params, modes, trilinear, cosine, visibility, decodeForAverage(params, texel));
+  REAL share = usable ? trilinearWeight(params, modes, axis) : REAL(0);
+  queryProbe(PL_FIELD_ARG sums, params, modes, lattice, cell, probe, share, probe_position,
+             cell.biased);
 }
 
-// The answer of the nearest active probe, where the cell has none.
-PL_FIELD_FUNCTION QueryResult PL_OF_T answerNearest(PL_FIELD_PARAM QueryParams PL_OF_T params,
-                                                    QueryModes modes, LatticeShape lattice,
-                                                    QueryCell PL_OF_T cell,
-                                                    QueryResult PL_OF_T result) {
-  int x = floorToInt(cell.coordinate.x + REAL(0.5));
-  int y = floorToInt(cell.coordinate.y + REAL(0.5));
-  int z = floorToInt(cell.coordinate.z + REAL(0.5));
-  int probe = PL_FETCH_NEAREST((z * lattice.count_y + y) * lattice.count_x + x);
-  if (probe < 0) return result;
-  VEC3 stored = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
-  result.irradiance = averageToIrradiance(modes, decodeForAverage(params, stored), REAL(1));
-  result.answer = PL_ANSWER_NEAREST;
-  return result;
-}
-
-// Irradiance arriving at `position` (metres, relative to Scene::origin) on a surface with unit
-// `normal`; `view` is the unit direction from the eye, or along the ray, to the point.
 PL_FIELD_FUNCTION QueryResult PL_OF_T queryLattice(PL_FIELD_PARAM QueryParams PL_OF_T params,
                                                    QueryModes modes, LatticeShape lattice,
                                                    VEC3 position, VEC3 normal, VEC3 view) {
   QueryCell PL_OF_T cell = makeQueryCell(params, lattice, position, normal, view);
-  QuerySums PL_OF_T sums;
-  sums.value = VEC3(REAL(0));
-  sums.weight = REAL(0);
-  sums.unoccluded_value = VEC3(REAL(0));
-  sums.unoccluded_weight = REAL(0);
+  QuerySums PL_OF_T sums = noSums(VEC3(REAL(0)));
   for (int corner = 0; corner < 8; ++corner)
     addCorner(PL_FIELD_ARG sums, params, modes, lattice, cell, cell.x + (corner & 1),
               cell.y + ((corner >> 1) & 1), cell.z + (corner >> 2));
-  QueryResult PL_OF_T result = finishQuery(modes, sums);
-  if (modes.fallback == PL_FALLBACK_NEAREST && result.answer == PL_ANSWER_NONE)
-    result = answerNearest(PL_FIELD_ARG params, modes, lattice, cell, result);
-  result.irradiance = result.irradiance * boundsWeight(lattice, position);
-  return result;
+  int x = floorToInt(cell.coordinate.x + REAL(0.5));
+  int y = floorToInt(cell.coordinate.y + REAL(0.5));
+  int z = floorToInt(cell.coordinate.z + REAL(0.5));
+  return answerQuery(PL_FIELD_ARG params, modes, lattice, cell, sums,
+                     (z * lattice.count_y + y) * lattice.count_x + x);
 }
+#endif
+
+#if PL_HAS_SCATTERED
+// Four bytes of an entry against the trilinear weights of their corners.
+PL_FUNCTION REAL weighBytes(VEC4 corners, uint bytes) {
+  return dot(corners, VEC4(REAL(int(bytes & 255u)), REAL(int((bytes >> 8) & 255u)),
+                           REAL(int((bytes >> 16) & 255u)), REAL(int(bytes >> 24))));
+}
+
+PL_FIELD_FUNCTION QueryResult PL_OF_T queryScattered(PL_FIELD_PARAM QueryParams PL_OF_T params,
+                                                     QueryModes modes, LatticeShape lattice,
+                                                     VEC3 position, VEC3 normal, VEC3 view) {
+  QueryCell PL_OF_T cell = makeQueryCell(params, lattice, position, normal, view);
+  QuerySums PL_OF_T sums = noSums(VEC3(REAL(0)));
+  VEC3 high = cell.coordinate - VEC3(REAL(cell.x), REAL(cell.y), REAL(cell.z));
+  VEC3 low = VEC3(REAL(1)) - high;
+  VEC4 layer = VEC4(low.x * low.y, high.x * low.y, low.x * high.y, high.x * high.y) *
+               REAL(1.0 / 255.0);
+  int voxel = (cell.z * (lattice.count_y - 1) + cell.y) * (lattice.count_x - 1) + cell.x;
+  uint end = PL_FETCH_VOXEL_BEGIN(voxel + 1);
+  for (uint e = PL_FETCH_VOXEL_BEGIN(voxel); e < end; ++e) {
+    VoxelEntry entry = PL_FETCH_ENTRY(e);
+    int probe = int(entry.probe);
+    VEC4 place = PL_FETCH_PLACE(probe);
+    REAL share = weighBytes(layer * low.z, entry.weights_low) +
+                 weighBytes(layer * high.z, entry.weights_high);
+    queryProbe(PL_FIELD_ARG sums, params, modes, lattice, cell, probe, share,
+               VEC3(place.x, place.y, place.z), position + cell.bias * place.w);
+  }
+  return answerQuery(PL_FIELD_ARG params, modes, lattice, cell, sums, voxel);
+}
+#endif
 
 PL_NAMESPACE_END
 

@@ -51,6 +51,10 @@ PL_STRUCT QueryParams {
 #define PL_ANSWER_UNOCCLUDED 2 // all weights were 0: those of the cell without visibility
 #define PL_ANSWER_NEAREST 3    // the cell has no active probe: the nearest one
 
+// How the weights of the probes around a point are found.
+#define PL_INTERPOLANT_LATTICE 0    // trilinear in the lattice's cell
+#define PL_INTERPOLANT_SCATTERED 1  // from the entries of a voxel (ddgi/influence.h)
+
 struct QueryModes {
   int facing;
   int trilinear;
@@ -62,12 +66,13 @@ struct QueryModes {
   int offset_weights;  // 1: interpolation weights peak at the moved positions
 };
 
-// The lattice and the atlases' sizes. Positions in metres relative to Scene::origin.
+// The lattice and the atlases' sizes. Positions in metres relative to Scene::origin. With scattered
+// probes the lattice is that of the voxels' corners, s_i the mean and r_i the largest of all probes.
 struct LatticeShape {
   PL_FLOAT3 first;  // position of probe (0, 0, 0)
   float bias_length;  // s_i in metres
   PL_FLOAT3 spacing;
-  float support_radius;  // r_i in metres
+  float support_radius;  // r_i in metres, the unit of stored distances
   PL_FLOAT3 bounds_min;
   int count_x;
   PL_FLOAT3 bounds_max;
@@ -76,6 +81,14 @@ struct LatticeShape {
   int irradiance_texels;  // interior texels a side
   int moment_texels;
   int border;  // texels around the interior as stored, 0 or 1
+};
+
+// A probe in one voxel: its weight at the voxel's corners x + 2 y + 4 z in units of 1/255, a byte
+// each, the first one lowest.
+struct VoxelEntry {
+  PL_UINT probe;
+  PL_UINT weights_low;   // corners 0 to 3
+  PL_UINT weights_high;  // corners 4 to 7
 };
 
 PL_STRUCT QueryResult {

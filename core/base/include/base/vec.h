@@ -43,6 +43,8 @@ struct Vec4 {
   constexpr Vec4() = default;
   constexpr explicit Vec4(T s) : x(s), y(s), z(s), w(s) {}
   constexpr Vec4(T x_, T y_, T z_, T w_) : x(x_), y(y_), z(z_), w(w_) {}
+  template <class U>
+  constexpr explicit Vec4(const Vec4<U>& v) : x(T(v.x)), y(T(v.y)), z(T(v.z)), w(T(v.w)) {}
   constexpr bool operator==(const Vec4&) const = default;
 };
 
@@ -100,6 +102,10 @@ template <class T>
 constexpr T dot(const Vec2<T>& a, const Vec2<T>& b) { return a.x * b.x + a.y * b.y; }
 template <class T>
 constexpr T dot(const Vec3<T>& a, const Vec3<T>& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+template <class T>
+constexpr T dot(const Vec4<T>& a, const Vec4<T>& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w;
+}
 template <class T>
 constexpr Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};

@@ -21,9 +21,12 @@ struct BlendMode {
 
 class BlendStage {
  public:
-  // All arguments must outlive the stage. `probe_list` is empty where all probes are updated.
+  // All arguments must outlive the stage. `probe_list` is empty where all probes are updated;
+  // `probe_clamps`, the largest distance of each probe in the moments' unit, where all have the
+  // same.
   BlendStage(GpuContext& context, const Params& params, const ProbeAtlas& atlas,
-             const RayBuffers& rays, const GpuBuffer& probe_list, const GpuBuffer& counters);
+             const RayBuffers& rays, const GpuBuffer& probe_list, const GpuBuffer& probe_clamps,
+             const GpuBuffer& counters);
 
   BlendStage(const BlendStage&) = delete;
   BlendStage& operator=(const BlendStage&) = delete;

@@ -63,6 +63,9 @@ ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
 ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> positions,
                             const Box3f& bounds, const Lattice& corners, CornerWeights weights);
 
+// The query that reads the layout, PL_INTERPOLANT_*.
+int queryInterpolant(const ProbeLayout& layout);
+
 // The probe's lengths, whatever the layout.
 ProbeLengths probeLengths(const ProbeLayout& layout, std::size_t probe);
 

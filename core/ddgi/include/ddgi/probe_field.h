@@ -97,7 +97,7 @@ class ProbeField {
   const std::string& tracerName() const { return batch_.tracerName(); }
   WorkCounts workOfUpdate() const;  // of the last update, or the first to come
   uint64_t atlasBytes() const;      // one copy of both atlases
-  uint64_t stateBytes() const;      // offsets and index
+  uint64_t stateBytes() const;      // positions, lengths and index
   uint32_t probeCount() const { return static_cast<uint32_t>(layout_.positions.size()); }
 
   // Milliseconds by stage of the last update, and its wall time; the same of relocation and
@@ -125,6 +125,7 @@ class ProbeField {
   };
 
   void createStates(GpuContext& context);
+  void createIndex(GpuContext& context);
   std::unique_ptr<RaySet> createRaySet(GpuContext& context, int rays);
   void createFieldStages(GpuContext& context);
   void setDirections(RaySet& set, uint64_t rotation);
@@ -144,7 +145,10 @@ class ProbeField {
   ProbeStates states_;
   bool moved_ = false;
   std::map<std::string, double> state_stages_;
-  GpuBuffer field_constants_, probe_index_, nearest_probe_, probe_positions_, probe_list_;
+  GpuBuffer field_constants_, nearest_probe_, probe_positions_, probe_list_;
+  GpuBuffer probe_index_;                                    // of a lattice
+  GpuBuffer voxel_begin_, entries_, places_, probe_clamps_;  // of scattered probes
+  double probes_per_query_ = 8;                              // mean over the places
   GpuBuffer counter_buffer_, stats_buffer_;
   ProbeAtlas irradiance_, moments_;
   int current_ = 0;  // copy of the atlases that holds the field

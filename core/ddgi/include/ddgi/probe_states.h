@@ -21,7 +21,7 @@ struct ProbeStates {
 // As the layout has them: all active.
 ProbeStates initialStates(const ProbeLayout& layout);
 
-// [lattice point]: the stored and active probe, -1: none.
+// Of a lattice, as are the next two. [lattice point]: the stored and active probe, -1: none.
 std::vector<int> activeIndex(const ProbeLayout& layout, const ProbeStates& states);
 
 // [lattice point]: the active probe whose lattice point is nearest in metres, the smaller index

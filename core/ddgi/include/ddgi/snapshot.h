@@ -2,6 +2,7 @@
 // A field copied to the host: the C++ side of the shared query.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <vector>
 
@@ -15,16 +16,28 @@ struct FieldSnapshot {
   LatticeShape lattice{};
   QueryModes modes{};
   QueryParams<double> params;
-  std::vector<int> probe_of_point, nearest_probe;  // [lattice point], active probes; -1: none
-  std::vector<Vec3f> positions;                    // [probe]
+  int interpolant = PL_INTERPOLANT_LATTICE;
+  std::vector<int> probe_of_point;  // [lattice point], active probes; -1: none
+  std::vector<int> nearest_probe;   // [lattice point or voxel], with the nearest fallback
+  InfluenceGrid influence;          // with scattered probes
+  std::vector<Vec3f> positions;     // [probe]
+  std::vector<float> bias_lengths;  // [probe], with scattered probes
   std::vector<Vec3f> irradiance;
   std::vector<Vec2f> moments;
 
   int fetchProbe(int lattice_index) const {
     return probe_of_point[static_cast<std::size_t>(lattice_index)];
   }
-  int fetchNearest(int lattice_index) const {
-    return nearest_probe[static_cast<std::size_t>(lattice_index)];
+  int fetchNearest(int index) const { return nearest_probe[static_cast<std::size_t>(index)]; }
+  uint32_t fetchVoxelBegin(int voxel) const {
+    return influence.voxel_begin[static_cast<std::size_t>(voxel)];
+  }
+  VoxelEntry fetchEntry(uint32_t index) const {
+    return std::bit_cast<VoxelEntry>(influence.entries[index]);
+  }
+  Vec4f fetchPlace(int probe) const {
+    const Vec3f& p = fetchPosition(probe);
+    return {p.x, p.y, p.z, bias_lengths[static_cast<std::size_t>(probe)]};
   }
   const Vec3f& fetchPosition(int probe) const { return positions[static_cast<std::size_t>(probe)]; }
   const Vec3f& fetchIrradiance(int probe, int texel) const {
@@ -43,12 +56,18 @@ struct FieldSnapshot {
 
 FieldSnapshot takeSnapshot(ProbeField& field);
 
+// The same without texels, which the caller fills in.
+FieldSnapshot layoutSnapshot(const ProbeLayout& layout, const ProbeStates& states,
+                             const Params& params);
+
 // The query that the device runs, on any scalar T (float, double, a Jet).
 template <class T>
 QueryResult<T> querySnapshot(const FieldSnapshot& field, const QueryParams<T>& params,
                              const QueryPoint& point) {
-  return queryLattice(field, params, field.modes, field.lattice, Vec3<T>(point.position),
-                      Vec3<T>(point.normal), Vec3<T>(point.view));
+  const Vec3<T> position(point.position), normal(point.normal), view(point.view);
+  if (field.interpolant == PL_INTERPOLANT_SCATTERED)
+    return queryScattered(field, params, field.modes, field.lattice, position, normal, view);
+  return queryLattice(field, params, field.modes, field.lattice, position, normal, view);
 }
 
 }  // namespace probelab
