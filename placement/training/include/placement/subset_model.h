@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// How well a set of probes answers at the train receivers, kept up to date while probes are added,
+// removed and moved one at a time. A receiver is answered by its k nearest visible probes with the
+// kernel of the `knn` interpolant, times facing and visibility as the field's query has them; a
+// change touches only the receivers around it.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "ddgi/params.h"
+#include "placement/probe_bake.h"
+#include "placement/training_data.h"
+
+namespace probelab {
+
+// What an estimate's error costs: sum over receivers and states of
+// area * state_weight * ((1 - relative) d^2 / power + relative d^2 / ((E + 0.1 mean) mean)) with d
+// the error of the irradiance E, and power and mean of the state's truth.
+struct Objective {
+  std::vector<double> state_weights;  // [state], sum 1
+  double relative = 0.3;
+};
+
+struct SubsetSettings {
+  int neighbours = 8;                             // k
+  float bias_length_m = 0, support_radius_m = 0;  // nominal lengths of the layout to be
+};
+
+class SubsetModel {
+ public:
+  // References are kept.
+  SubsetModel(const Training::Data& data, const Params& params, const BakePlan& plan,
+              const SubsetSettings& settings, const Objective& objective);
+
+  // A change: probe `removed` goes (-1: none), the baked one comes (null: none).
+  struct Change {
+    int removed = -1;
+    const BakedProbe* added = nullptr;
+  };
+  // Cost after a change minus cost before; the state stays as it is. Safe to call in parallel.
+  double tryChange(const Change& change) const;
+  // Receivers whose answer the change would touch, in ascending order.
+  std::vector<uint32_t> touched(const Change& change) const;
+
+  int add(const BakedProbe& probe);  // returns its index; indices of removed probes are used again
+  void remove(int probe);
+
+  double cost() const;
+  // Share of the cost of one receiver.
+  double costAt(std::size_t receiver) const { return costs_[receiver]; }
+  std::size_t receiverCount() const { return data_.receivers.size(); }
+  const std::vector<int>& probes() const { return alive_; }  // indices in use, ascending
+  const BakedProbe& probe(int index) const { return slots_[static_cast<std::size_t>(index)]; }
+  std::vector<Vec3f> positions() const;  // of the probes in use
+
+ private:
+  struct Entry {
+    int probe;
+    int row;               // of values_, within the receiver's
+    float distance, gain;  // gain: facing, visibility and crush
+  };
+  struct List {  // a receiver's nearest visible probes, by distance
+    std::vector<Entry> entries;
+    bool complete = true;  // there are no more
+  };
+  struct Pair {  // a probe seen from a receiver
+    float distance = 0, gain = 0;
+    bool visible = false;
+  };
+  Pair pairOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
+  float gainOf(std::size_t receiver, const BakedProbe& probe) const;
+  void valuesOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
+  double costWith(std::size_t receiver, const Change& change) const;
+  template <class Visit>
+  void forTouched(const Change& change, const Visit& visit) const;
+  void rebuild(std::size_t receiver);
+  void insertEntry(std::size_t receiver, int probe);
+  void refresh(std::size_t receiver);
+  float reachOf(std::size_t receiver) const;
+
+  const Training::Data& data_;
+  QueryParams<float> query_;
+  QueryModes modes_;
+  const BakePlan& plan_;
+  SubsetSettings settings_;
+  std::size_t states_;
+  std::vector<float> weights_;  // [receiver][state]
+  std::vector<Vec3f> lifted_;   // [receiver], off its surface
+  std::vector<BakedProbe> slots_;
+  std::vector<int> alive_, free_;
+  std::vector<std::vector<uint32_t>> users_;  // [probe]: receivers that list it
+  std::vector<List> lists_;                   // [receiver]
+  std::vector<float> values_;                 // [receiver][entry][state]
+  std::vector<double> costs_;                 // [receiver]
+  // Receivers by cells, to find those that a new probe reaches.
+  Box3f box_;
+  Vec3i cells_;
+  Vec3f cell_size_;
+  std::vector<std::vector<uint32_t>> cell_receivers_;
+  std::vector<float> cell_reach_;  // largest reach in the cell
+};
+
+}  // namespace probelab

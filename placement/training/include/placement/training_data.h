@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What a Training holds once it is traced.
+#pragma once
+
+#include <vector>
+
+#include "placement/patch_cache.h"
+#include "placement/training.h"
+#include "trace/receivers.h"
+
+namespace probelab {
+
+struct Training::Data {
+  const Scene& scene;
+  const EmbreeScene& embree;
+  const Reachability& reachability;
+  TrainingSettings settings;
+  std::unique_ptr<PatchCache> patches;
+  std::vector<Receiver> receivers;  // of train blocks only; areas sum to 1
+  std::vector<float> truth;         // [receiver][state], irradiance / pi, luminance
+  std::vector<double> power;        // [state]: sum of area * truth^2
+  std::vector<double> mean;         // [state]: sum of area * truth
+  uint64_t evaluations = 0;
+
+  bool traced() const { return patches != nullptr; }
+  std::size_t stateCount() const { return power.size(); }
+  const float* truthOf(std::size_t receiver) const { return &truth[receiver * stateCount()]; }
+};
+
+// nrmse^2 of estimates [receiver][state] (irradiance / pi) under each state; 0 where it is unlit.
+std::vector<double> squaredErrors(const Training::Data& data, std::span<const float> estimates);
+
+// Estimates of a layout, [receiver][state]: the shared query on baked probes.
+std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
+                                  const Params& params);
+
+}  // namespace probelab

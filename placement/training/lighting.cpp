@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "placement/lighting.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/rng.h"
+#include "trace/light_data.h"
+#include "trace/sampling.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kTries = 48;          // points or directions that compete for one lamp or sun
+constexpr float kWallShare = 0.2f;  // of the room's size that a lamp keeps from surfaces
+constexpr float kLowestSun = 0.12f, kHighestSun = 0.97f;  // sine of its height
+
+// Free distance to the nearest surface along a few directions.
+float roomAround(const EmbreeScene& embree, const Vec3f& p, Rng& rng) {
+  float nearest = kFarDistance;
+  for (int i = 0; i < 32; ++i)
+    nearest = std::min(
+        nearest,
+        embree.closest(Ray{p, 0, sampleSphere({rng.nextFloat(), rng.nextFloat()}), kFarDistance})
+            .t);
+  return nearest;
+}
+
+std::vector<int32_t> reachableCells(const Reachability& reachability) {
+  std::vector<int32_t> cells;
+  for (std::size_t i = 0; i < reachability.cell_region.size(); ++i) {
+    const int32_t region = reachability.cell_region[i];
+    if (region >= 0 && reachability.regions[static_cast<std::size_t>(region)].reachable)
+      cells.push_back(static_cast<int32_t>(i));
+  }
+  return cells;
+}
+
+// Points that keep away from those chosen so far and, a little, from surfaces.
+std::vector<Vec3f> lampPositions(const EmbreeScene& embree, const Reachability& reachability,
+                                 int count, Rng& rng) {
+  const std::vector<int32_t> cells = reachableCells(reachability);
+  std::vector<Vec3f> lamps;
+  while (!cells.empty() && static_cast<int>(lamps.size()) < count) {
+    Vec3f best;
+    float best_score = -1;
+    for (int i = 0; i < kTries; ++i) {
+      const Vec3f p = reachability.cellCenter(cells[rng.nextBelow(cells.size())]);
+      float apart = length(reachability.reachable_box.extent());
+      for (const Vec3f& lamp : lamps) {
+        // Behind a wall is as good as farther away.
+        const Vec3f to = lamp - p;
+        const float d = length(to);
+        const bool hidden = d > 0 && embree.occluded(Ray{p, 0, to / d, d});
+        apart = std::min(apart, hidden ? 2 * d : d);
+      }
+      const float room = std::min(roomAround(embree, p, rng), kWallShare * apart);
+      const float score = apart * std::min(1.0f, room / (kWallShare * apart + 1e-20f));
+      if (score > best_score) best_score = score, best = p;
+    }
+    lamps.push_back(best);
+  }
+  return lamps;
+}
+
+// Share of the reachable space that sees a direction.
+double seenFrom(const EmbreeScene& embree, const Reachability& reachability,
+                const std::vector<int32_t>& cells, const Vec3f& to_sun, Rng& rng) {
+  constexpr int kRays = 256;
+  int seen = 0;
+  for (int i = 0; i < kRays; ++i) {
+    const Vec3f p = reachability.cellCenter(cells[rng.nextBelow(cells.size())]);
+    seen += embree.occluded(Ray{p, 0, to_sun, kFarDistance}) ? 0 : 1;
+  }
+  return static_cast<double>(seen) / kRays;
+}
+
+// Directions towards the sun, apart from each other; those that light much of the space win.
+std::vector<Vec3f> sunDirections(const EmbreeScene& embree, const Reachability& reachability,
+                                 int count, Rng& rng) {
+  const std::vector<int32_t> cells = reachableCells(reachability);
+  std::vector<Vec3f> suns;
+  while (!cells.empty() && static_cast<int>(suns.size()) < count) {
+    Vec3f best(0, 1, 0);
+    double best_score = -1;
+    for (int i = 0; i < kTries; ++i) {
+      const float y = kLowestSun + (kHighestSun - kLowestSun) * rng.nextFloat();
+      const float phi = 2 * kPi * rng.nextFloat(), r = std::sqrt(1 - y * y);
+      const Vec3f d(r * std::cos(phi), y, r * std::sin(phi));
+      double apart = 2;
+      for (const Vec3f& sun : suns) apart = std::min(apart, 1 - static_cast<double>(dot(sun, d)));
+      const double score =
+          std::sqrt(seenFrom(embree, reachability, cells, d, rng)) * std::sqrt(apart);
+      if (score > best_score) best_score = score, best = d;
+    }
+    suns.push_back(best);
+  }
+  return suns;
+}
+
+}  // namespace
+
+std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& embree,
+                                       const Reachability& reachability, Split split, int generated,
+                                       uint64_t seed) {
+  std::vector<Lighting> all;
+  bool has_lamp = false, has_sun = false;
+  float largest_sky = 0;
+  for (const LightingState& state : scene.states) {
+    if (state.split != split) continue;
+    const Scene lit = withState(scene, state.name);
+    all.push_back({state.name, true, makeLightData(lit), lit.sky.scale});
+    largest_sky = std::max(largest_sky, lit.sky.black() ? 0 : lit.sky.scale);
+    for (const LightData& light : all.back().lights)
+      (light.type == kLightDirectional ? has_sun : has_lamp) = true;
+  }
+  const bool has_sky = largest_sky > 0;
+  if (!has_sun && !has_lamp) has_lamp = true;
+  Rng rng(seed, RngStream::placement, 1);
+  const int skies = has_sky && generated > 0 ? 1 : 0;
+  const int suns = has_sun ? (generated - skies) / (has_lamp ? 2 : 1) : 0;
+  const int lamps = generated - skies - suns;
+  if (skies > 0) all.push_back({"sky", false, {}, 1.0f});
+  for (const Vec3f& d : sunDirections(embree, reachability, suns, rng)) {
+    LightData light{};
+    light.intensity = Vec3f(1.0f + 9.0f * rng.nextFloat());
+    light.type = kLightDirectional;
+    light.direction = -d;
+    all.push_back({"sun", false, {light}, has_sky ? 0.2f + 0.9f * rng.nextFloat() : 0.0f});
+  }
+  for (const Vec3f& p : lampPositions(embree, reachability, lamps, rng)) {
+    LightData light{};
+    light.intensity = Vec3f(1);
+    light.type = kLightPoint;
+    light.position = p;
+    all.push_back({"lamp", false, {light}, 0.0f});
+  }
+  return all;
+}
+
+}  // namespace probelab

@@ -1,0 +1,372 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "placement/subset_model.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "shared/query.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kListed = 16;          // nearest visible probes that a receiver knows, at most
+constexpr float kFewerReach = 1.5f;  // support over the farthest where fewer than k + 1 are visible
+constexpr float kLift = 1e-4f;       // of the scene's extent, off the surface for visibility rays
+constexpr float kGap = 1e-3f;        // share of a visibility ray left out at its end
+
+// The moments of one probe as the shared query reads them.
+struct MomentField {
+  const BakedProbe& probe;
+  float unit;
+  Vec2f fetchMoments(int /*probe*/, int texel) const {
+    const Vec2f& m = probe.moments[static_cast<std::size_t>(texel)];
+    return {m.x * unit, m.y * unit * unit};
+  }
+};
+
+bool isSqrtAverage(const QueryModes& modes) { return modes.average != PL_AVERAGE_LINEAR; }
+
+}  // namespace
+
+SubsetModel::SubsetModel(const Training::Data& data, const Params& params, const BakePlan& plan,
+                         const SubsetSettings& settings, const Objective& objective)
+    : data_(data),
+      query_(convertQueryParams<float>(queryParams(params))),
+      modes_(queryModes(params)),
+      plan_(plan),
+      settings_(settings),
+      states_(data.stateCount()) {
+  const std::size_t count = data.receivers.size();
+  weights_.assign(count * states_, 0.0f);
+  for (std::size_t r = 0; r < count; ++r)
+    for (std::size_t l = 0; l < states_; ++l) {
+      if (!(data.power[l] > 0)) continue;
+      const double e = static_cast<double>(data.truth[r * states_ + l]);
+      const double w = (1 - objective.relative) / data.power[l] +
+                       objective.relative / ((e + 0.1 * data.mean[l]) * data.mean[l]);
+      weights_[r * states_ + l] =
+          static_cast<float>(data.receivers[r].area * objective.state_weights[l] * w);
+    }
+  const float lift = kLift * data.embree.extent();
+  for (const Receiver& r : data.receivers) lifted_.push_back(r.position + r.normal * lift);
+  lists_.resize(count);
+  values_.assign(count * kListed * states_, 0.0f);
+  costs_.assign(count, 0.0);
+
+  box_ = data.scene.bounds;
+  const Vec3f edge = box_.extent();
+  const float size = std::cbrt(edge.x * edge.y * edge.z / 2048.0f);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    cells_[axis] = std::clamp(static_cast<int>(edge[axis] / size), 1, 64);
+    cell_size_[axis] = edge[axis] / static_cast<float>(cells_[axis]);
+  }
+  cell_receivers_.resize(static_cast<std::size_t>(cells_.x * cells_.y * cells_.z));
+  cell_reach_.assign(cell_receivers_.size(), std::numeric_limits<float>::infinity());
+  for (std::size_t r = 0; r < count; ++r) {
+    int cell = 0;
+    for (int axis = 2; axis >= 0; --axis) {
+      const auto a = static_cast<std::size_t>(axis);
+      const int at =
+          static_cast<int>((data.receivers[r].position[a] - box_.min[a]) / cell_size_[a]);
+      cell = cell * cells_[a] + std::clamp(at, 0, cells_[a] - 1);
+    }
+    cell_receivers_[static_cast<std::size_t>(cell)].push_back(static_cast<uint32_t>(r));
+  }
+  for (std::size_t r = 0; r < count; ++r) refresh(r);
+}
+
+float SubsetModel::gainOf(std::size_t receiver, const BakedProbe& probe) const {
+  const Receiver& r = data_.receivers[receiver];
+  const Vec3f biased = r.position + (r.normal * query_.normal_bias - r.view * query_.view_bias) *
+                                        settings_.bias_length_m;
+  const Vec3f& seen_from = modes_.facing == PL_FACING_WRAP_BIASED ? biased : r.position;
+  const Vec3f to = probe.position - seen_from;
+  const float length_sq = dot(to, to);
+  const float cosine = length_sq > 0 ? dot(to, r.normal) / std::sqrt(length_sq) : 1.0f;
+  float visibility = 1;
+  if (modes_.visibility != 0) {
+    const Vec3f offset = biased - probe.position;
+    const float distance = length(offset);
+    const float unit = 1 / settings_.support_radius_m;
+    const OctTaps<float> taps =
+        octTaps(distance > 0 ? offset : Vec3f(0, 0, 1), plan_.moment_texels, 0);
+    const Vec2f moments = readMoments<MomentField, float>({probe, unit}, 0, taps);
+    visibility = visibilityWeight(query_, moments, distance * unit);
+  }
+  return probeWeight(query_, modes_, 1.0f, cosine, visibility);
+}
+
+// The probe's mean radiance as averaged, at the receiver's normal.
+void SubsetModel::valuesOf(std::size_t receiver, const BakedProbe& probe, float* values) const {
+  const OctTaps<float> t = octTaps(data_.receivers[receiver].normal, plan_.irradiance_texels, 0);
+  const float x = t.fraction_x, y = t.fraction_y;
+  const float* a = &probe.mean_radiance[static_cast<std::size_t>(t.texel_00) * states_];
+  const float* b = &probe.mean_radiance[static_cast<std::size_t>(t.texel_10) * states_];
+  const float* c = &probe.mean_radiance[static_cast<std::size_t>(t.texel_01) * states_];
+  const float* d = &probe.mean_radiance[static_cast<std::size_t>(t.texel_11) * states_];
+  for (std::size_t l = 0; l < states_; ++l)
+    values[l] = (a[l] * (1 - x) + b[l] * x) * (1 - y) + (c[l] * (1 - x) + d[l] * x) * y;
+  if (isSqrtAverage(modes_))
+    for (std::size_t l = 0; l < states_; ++l) values[l] = std::sqrt(values[l]);
+}
+
+SubsetModel::Pair SubsetModel::pairOf(std::size_t receiver, const BakedProbe& probe,
+                                      float* values) const {
+  Pair pair;
+  const Vec3f to = probe.position - lifted_[receiver];
+  pair.distance = length(to);
+  pair.visible =
+      !(pair.distance > 0) || !data_.embree.occluded(Ray{lifted_[receiver], 0, to / pair.distance,
+                                                         pair.distance * (1 - kGap)});
+  if (!pair.visible) return pair;
+  pair.gain = gainOf(receiver, probe);
+  valuesOf(receiver, probe, values);
+  return pair;
+}
+
+// Distance below which a new probe would change the receiver's answer.
+float SubsetModel::reachOf(std::size_t receiver) const {
+  const List& list = lists_[receiver];
+  const auto k = static_cast<std::size_t>(settings_.neighbours);
+  if (list.entries.size() <= k) return std::numeric_limits<float>::infinity();
+  return list.entries[k].distance;
+}
+
+double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
+  std::array<float, 64> added_values;
+  PROBELAB_CHECK(states_ <= added_values.size());
+  Pair added;
+  if (change.added != nullptr) added = pairOf(receiver, *change.added, added_values.data());
+  // The k + 1 nearest after the change.
+  struct Item {
+    float distance, gain;
+    const float* values;
+  };
+  std::array<Item, kListed + 1> items;
+  const auto k = static_cast<std::size_t>(settings_.neighbours);
+  std::size_t count = 0;
+  bool pending = added.visible;
+  const List& list = lists_[receiver];
+  const float* rows = &values_[receiver * kListed * states_];
+  for (const Entry& entry : list.entries) {
+    if (entry.probe == change.removed) continue;
+    if (pending && added.distance < entry.distance) {
+      items[count++] = {added.distance, added.gain, added_values.data()};
+      pending = false;
+    }
+    if (count > k) break;
+    items[count++] = {entry.distance, entry.gain,
+                      rows + static_cast<std::size_t>(entry.row) * states_};
+    if (count > k) break;
+  }
+  if (pending && count <= k) items[count++] = {added.distance, added.gain, added_values.data()};
+  std::array<float, 64> sums{};
+  float total = 0;
+  if (count > 0) {
+    const float reach =
+        count > k ? items[k].distance : kFewerReach * items[count - 1].distance + 1e-20f;
+    for (std::size_t i = 0; i < std::min(count, k); ++i) {
+      const float t = std::max(0.0f, 1 - items[i].distance / reach);
+      const float w = t * t * items[i].gain;
+      total += w;
+      for (std::size_t l = 0; l < states_; ++l) sums[l] += w * items[i].values[l];
+    }
+    if (!(total > 1e-12f)) {
+      total = 1;
+      for (std::size_t l = 0; l < states_; ++l) sums[l] = items[0].values[l];
+    }
+  }
+  const float scale = total > 0 ? 1 / total : 0;
+  const float* truth = data_.truthOf(receiver);
+  const float* weight = &weights_[receiver * states_];
+  float cost = 0;
+  const bool squared = isSqrtAverage(modes_);
+  for (std::size_t l = 0; l < states_; ++l) {
+    float mean = sums[l] * scale;
+    if (squared) mean *= mean;
+    const float d = mean - truth[l];
+    cost += weight[l] * d * d;
+  }
+  return static_cast<double>(cost);
+}
+
+template <class Visit>
+void SubsetModel::forTouched(const Change& change, const Visit& visit) const {
+  const auto k = static_cast<std::size_t>(settings_.neighbours);
+  const auto counts = [&](uint32_t r) {  // the removed probe was among the first k + 1
+    const std::vector<Entry>& entries = lists_[r].entries;
+    for (std::size_t i = 0; i < std::min(entries.size(), k + 1); ++i)
+      if (entries[i].probe == change.removed) return true;
+    return false;
+  };
+  if (change.removed >= 0)
+    for (const uint32_t r : users_[static_cast<std::size_t>(change.removed)])
+      if (counts(r)) visit(r);
+  if (change.added == nullptr) return;
+  const Vec3f& p = change.added->position;
+  for (std::size_t cell = 0; cell < cell_receivers_.size(); ++cell) {
+    if (cell_receivers_[cell].empty()) continue;
+    const auto c = static_cast<int>(cell);
+    const Vec3f low =
+        box_.min +
+        Vec3f(Vec3i(c % cells_.x, c / cells_.x % cells_.y, c / (cells_.x * cells_.y))) * cell_size_;
+    const Vec3f nearest = componentMax(low, componentMin(low + cell_size_, p));
+    const Vec3f d = nearest - p;
+    if (!(dot(d, d) < cell_reach_[cell] * cell_reach_[cell])) continue;
+    for (const uint32_t r : cell_receivers_[cell]) {
+      const Vec3f to = p - lifted_[r];
+      const float reach = reachOf(r);
+      if (!(dot(to, to) < reach * reach)) continue;
+      if (change.removed >= 0 && counts(r)) continue;  // visited above
+      visit(r);
+    }
+  }
+}
+
+double SubsetModel::tryChange(const Change& change) const {
+  double delta = 0;
+  forTouched(change, [&](uint32_t r) { delta += costWith(r, change) - costs_[r]; });
+  return delta;
+}
+
+std::vector<uint32_t> SubsetModel::touched(const Change& change) const {
+  std::vector<uint32_t> receivers;
+  forTouched(change, [&](uint32_t r) { receivers.push_back(r); });
+  std::sort(receivers.begin(), receivers.end());
+  return receivers;
+}
+
+void SubsetModel::refresh(std::size_t receiver) { costs_[receiver] = costWith(receiver, {}); }
+
+// Puts a probe into a receiver's list if it is visible and near enough.
+void SubsetModel::insertEntry(std::size_t receiver, int probe) {
+  List& list = lists_[receiver];
+  const BakedProbe& baked = slots_[static_cast<std::size_t>(probe)];
+  const bool full = list.entries.size() == kListed;
+  const float distance = length(baked.position - lifted_[receiver]);
+  if (full && distance >= list.entries.back().distance) {
+    list.complete = false;
+    return;
+  }
+  if (!list.complete && !list.entries.empty() && distance >= list.entries.back().distance) return;
+  std::array<float, 64> values;
+  const Pair pair = pairOf(receiver, baked, values.data());
+  if (!pair.visible) return;
+  int row = static_cast<int>(list.entries.size());
+  if (full) {
+    row = list.entries.back().row;
+    std::erase(users_[static_cast<std::size_t>(list.entries.back().probe)],
+               static_cast<uint32_t>(receiver));
+    list.entries.pop_back();
+    list.complete = false;
+  } else {
+    // Rows of removed entries are free again.
+    std::array<bool, kListed> used{};
+    for (const Entry& entry : list.entries) used[static_cast<std::size_t>(entry.row)] = true;
+    row = static_cast<int>(std::find(used.begin(), used.end(), false) - used.begin());
+  }
+  const Entry entry{probe, row, pair.distance, pair.gain};
+  const auto at =
+      std::upper_bound(list.entries.begin(), list.entries.end(), entry,
+                       [](const Entry& a, const Entry& b) { return a.distance < b.distance; });
+  list.entries.insert(at, entry);
+  std::copy_n(values.begin(), states_,
+              &values_[(receiver * kListed + static_cast<std::size_t>(row)) * states_]);
+  users_[static_cast<std::size_t>(probe)].push_back(static_cast<uint32_t>(receiver));
+}
+
+// Finds a receiver's list anew: nearest probes first, until it is full.
+void SubsetModel::rebuild(std::size_t receiver) {
+  List& list = lists_[receiver];
+  for (const Entry& entry : list.entries)
+    std::erase(users_[static_cast<std::size_t>(entry.probe)], static_cast<uint32_t>(receiver));
+  list.entries.clear();
+  list.complete = true;
+  std::vector<std::pair<float, int>> order;
+  for (const int p : alive_) {
+    const Vec3f d = slots_[static_cast<std::size_t>(p)].position - lifted_[receiver];
+    order.emplace_back(dot(d, d), p);
+  }
+  std::size_t sorted = 0;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    if (list.entries.size() == kListed) {
+      list.complete = false;
+      break;
+    }
+    if (i == sorted) {  // sort a few more
+      sorted = std::min(order.size(), std::max<std::size_t>(2 * sorted, 32));
+      std::partial_sort(order.begin() + static_cast<std::ptrdiff_t>(i),
+                        order.begin() + static_cast<std::ptrdiff_t>(sorted), order.end());
+    }
+    insertEntry(receiver, order[i].second);
+  }
+}
+
+int SubsetModel::add(const BakedProbe& probe) {
+  int index = static_cast<int>(slots_.size());
+  if (!free_.empty()) {
+    index = free_.back();
+    free_.pop_back();
+    slots_[static_cast<std::size_t>(index)] = probe;
+  } else {
+    slots_.push_back(probe);
+    users_.emplace_back();
+  }
+  alive_.insert(std::upper_bound(alive_.begin(), alive_.end(), index), index);
+  for (std::size_t cell = 0; cell < cell_receivers_.size(); ++cell) {
+    float reach = 0;
+    for (const uint32_t r : cell_receivers_[cell]) {
+      const List& list = lists_[r];
+      const float listed = list.entries.size() < kListed && list.complete
+                               ? std::numeric_limits<float>::infinity()
+                               : list.entries.back().distance;
+      const Vec3f to = probe.position - lifted_[r];
+      if (dot(to, to) < listed * listed) {
+        insertEntry(r, index);
+        refresh(r);
+      } else {
+        lists_[r].complete = false;
+      }
+      reach = std::max(reach, reachOf(r));
+    }
+    cell_reach_[cell] = reach;
+  }
+  return index;
+}
+
+void SubsetModel::remove(int probe) {
+  const auto p = static_cast<std::size_t>(probe);
+  alive_.erase(std::lower_bound(alive_.begin(), alive_.end(), probe));
+  const std::vector<uint32_t> users = std::move(users_[p]);
+  users_[p].clear();
+  const auto k = static_cast<std::size_t>(settings_.neighbours);
+  for (const uint32_t r : users) {
+    List& list = lists_[r];
+    std::erase_if(list.entries, [&](const Entry& e) { return e.probe == probe; });
+    if (!list.complete && list.entries.size() <= k + 1) rebuild(r);
+    refresh(r);
+  }
+  free_.push_back(probe);
+  for (std::size_t cell = 0; cell < cell_receivers_.size(); ++cell) {
+    float reach = 0;
+    for (const uint32_t r : cell_receivers_[cell]) reach = std::max(reach, reachOf(r));
+    cell_reach_[cell] = reach;
+  }
+}
+
+double SubsetModel::cost() const {
+  double sum = 0;
+  for (const double c : costs_) sum += c;
+  return sum;
+}
+
+std::vector<Vec3f> SubsetModel::positions() const {
+  std::vector<Vec3f> all;
+  for (const int p : alive_) all.push_back(probe(p).position);
+  return all;
+}
+
+}  // namespace probelab
