@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/parallel.h"
+#include "placement/barycentric.h"
 #include "placement/nearest_points.h"
 #include "visible_probes.h"
 
@@ -45,5 +46,32 @@ CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& posit
   });
   return weights;
 }
+
+#ifdef PROBELAB_WITH_CGAL
+CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+                                const FreeSpace& space, const CornerSettings& settings) {
+  CornerWeights weights = barycentricWeights(corners, positions);
+  if (!settings.visibility) return weights;
+  const NearestPoints probes(positions);
+  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
+    std::vector<NearPoint> visible;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Vec3f corner = corners.position(static_cast<int>(i));
+      if (!space.usable(corner)) {
+        weights[i].clear();
+        continue;
+      }
+      std::erase_if(weights[i], [&](const CornerWeight& w) {
+        return !seesPlace(space.input().embree, positions[w.probe], corner);
+      });
+      if (!weights[i].empty()) continue;
+      visibleProbes(probes, positions, space, corner, static_cast<std::size_t>(settings.k) + 1,
+                    true, visible);
+      weights[i] = kernelWeights(visible, static_cast<std::size_t>(settings.k));
+    }
+  });
+  return weights;
+}
+#endif
 
 }  // namespace probelab

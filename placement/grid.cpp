@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "base/parallel.h"
+#include "placement/free_space.h"
 
 namespace probelab {
 namespace {
@@ -24,10 +25,17 @@ double spreadOf(const std::array<double, 3>& logs) {
 ProbeLayout placeGrid(const PlacementInput& input) {
   const bool free_space = choiceOption(input, "box", {"free", "bounds"}) == 0;
   const double vertical = numberOption(input, "vertical", 0.25, 8);
-  const Box3f box = free_space ? freeSpaceBox(input) : input.scene.bounds;
-  const Vec3i count = cubicCounts(box.extent(), input.probes, vertical);
-  const Lattice lattice = makeLattice(free_space ? insetBox(box, count, kInset) : box, count);
-  return latticeLayout(lattice, input.scene.bounds, reachablePoints(lattice, input));
+  const LatticeBox box{free_space, free_space ? kInset : 0};
+  const Vec3i count = cubicCounts(outerBox(input, box).extent(), input.probes, vertical);
+  return usableLayout(latticeIn(input, box, count), input);
+}
+
+// A lattice of one point that lies at p.
+Lattice singlePoint(const PlacementInput& input, const Vec3f& p) {
+  const Vec3f half = input.scene.bounds.extent() * 0.5f;
+  Lattice lattice = makeLattice({p - half, p + half}, {1, 1, 1});
+  lattice.first = p;
+  return lattice;
 }
 
 }  // namespace
@@ -40,7 +48,16 @@ const Strategy kGridStrategy = {
      {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one"}},
     placeGrid};
 
-Vec3i cubicCounts(const Vec3f& box_edges, int probes, double vertical) {
+namespace {
+
+struct RankedCounts {
+  double spread;
+  Vec3i count;
+};
+
+// Calls visit(spread, count) for every count with 0.9 N <= n <= N points.
+template <class Visit>
+void forCounts(const Vec3f& box_edges, int probes, double vertical, const Visit& visit) {
   std::array<double, 3> edges;
   for (std::size_t axis = 0; axis < 3; ++axis)
     edges[axis] = std::log(static_cast<double>(box_edges[axis]) / (axis == 1 ? vertical : 1));
@@ -48,53 +65,100 @@ Vec3i cubicCounts(const Vec3f& box_edges, int probes, double vertical) {
   for (std::size_t n = 1; n < gaps.size(); ++n)
     gaps[n] = std::log(static_cast<double>(std::max<std::size_t>(n - 1, 1)));
   const int fewest = static_cast<int>(std::ceil(0.9 * probes));
-  Vec3i best(1, 1, 1);
-  double best_spread = std::numeric_limits<double>::infinity();
   for (int x = 1; x <= probes; ++x)
     for (int y = 1; y <= probes / x; ++y)
-      for (int z = std::max(1, (fewest + x * y - 1) / (x * y)); z <= probes / (x * y); ++z) {
-        const double spread = spreadOf({edges[0] - gaps[static_cast<std::size_t>(x)],
-                                        edges[1] - gaps[static_cast<std::size_t>(y)],
-                                        edges[2] - gaps[static_cast<std::size_t>(z)]});
-        const bool tie = std::abs(spread - best_spread) < 1e-9;
-        const bool larger = x * y * z > best.x * best.y * best.z;
-        if (tie ? larger : spread < best_spread) best = {x, y, z}, best_spread = spread;
-      }
+      for (int z = std::max(1, (fewest + x * y - 1) / (x * y)); z <= probes / (x * y); ++z)
+        visit(spreadOf({edges[0] - gaps[static_cast<std::size_t>(x)],
+                        edges[1] - gaps[static_cast<std::size_t>(y)],
+                        edges[2] - gaps[static_cast<std::size_t>(z)]}),
+              Vec3i(x, y, z));
+}
+
+int pointsOf(const Vec3i& count) { return count.x * count.y * count.z; }
+
+}  // namespace
+
+Vec3i cubicCounts(const Vec3f& edges, int probes, double vertical) {
+  Vec3i best(1, 1, 1);
+  double best_spread = std::numeric_limits<double>::infinity();
+  forCounts(edges, probes, vertical, [&](double spread, const Vec3i& count) {
+    const bool tie = std::abs(spread - best_spread) < 1e-9;
+    const bool larger = pointsOf(count) > pointsOf(best);
+    if (tie ? larger : spread < best_spread) best = count, best_spread = spread;
+  });
   return best;
 }
 
-Box3f insetBox(const Box3f& box, const Vec3i& count, double inset) {
-  Box3f result = box;
+std::vector<Vec3i> likelyCounts(const Vec3f& edges, int probes, std::size_t most) {
+  std::vector<RankedCounts> ranked;
+  const auto better = [](const RankedCounts& a, const RankedCounts& b) {
+    if (a.spread != b.spread) return a.spread < b.spread;
+    return pointsOf(a.count) > pointsOf(b.count);
+  };
+  forCounts(edges, probes, 1, [&](double spread, const Vec3i& count) {
+    ranked.push_back({spread, count});
+    std::push_heap(ranked.begin(), ranked.end(), better);
+    if (ranked.size() <= most) return;
+    std::pop_heap(ranked.begin(), ranked.end(), better);
+    ranked.pop_back();
+  });
+  std::sort_heap(ranked.begin(), ranked.end(), better);
+  std::vector<Vec3i> counts;
+  for (const RankedCounts& r : ranked) counts.push_back(r.count);
+  return counts;
+}
+
+Box3f outerBox(const PlacementInput& input, const LatticeBox& box) {
+  const Box3f& bounds = input.scene.bounds;
+  Box3f outer = box.free_space ? input.reachability.reachable_box : bounds;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (!(outer.max[axis] > outer.min[axis])) {
+      outer.min[axis] = bounds.min[axis];
+      outer.max[axis] = bounds.max[axis];
+    }
+    const auto margin = static_cast<float>(box.margin_m);
+    if (outer.max[axis] - outer.min[axis] <= 2.5f * margin) continue;
+    outer.min[axis] += margin;
+    outer.max[axis] -= margin;
+  }
+  return outer;
+}
+
+Lattice latticeIn(const PlacementInput& input, const LatticeBox& box, const Vec3i& count) {
+  Box3f inner = outerBox(input, box);
   for (std::size_t axis = 0; axis < 3; ++axis) {
     if (count[axis] == 1) continue;
-    const float share = static_cast<float>(inset / (count[axis] - 1 + 2 * inset));
-    const float margin = share * (box.max[axis] - box.min[axis]);
-    result.min[axis] += margin;
-    result.max[axis] -= margin;
+    const auto share = static_cast<float>(box.inset / (count[axis] - 1 + 2 * box.inset));
+    const float margin = share * (inner.max[axis] - inner.min[axis]);
+    inner.min[axis] += margin;
+    inner.max[axis] -= margin;
   }
-  return result;
+  return makeLattice(inner, count);
 }
 
-Box3f freeSpaceBox(const PlacementInput& input) {
-  Box3f box = input.reachability.reachable_box;
-  if (box.empty()) return input.scene.bounds;
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    if (!(box.max[axis] > box.min[axis])) {
-      box.min[axis] = input.scene.bounds.min[axis];
-      box.max[axis] = input.scene.bounds.max[axis];
-    }
-  return box;
+std::vector<LatticeBox> likelyBoxes(const PlacementInput& input) {
+  constexpr double kMargin = 0.12;
+  std::vector<LatticeBox> boxes = {{true, 0.05}, {true, 0.15}, {true, 0.3},
+                                   {true, 0.5},  {false, 0.5}, {false, 0}};
+  if (minComponent(outerBox(input, {true}).extent()) > 4 * kMargin)
+    boxes.push_back({true, 0, kMargin});
+  return boxes;
 }
 
-std::vector<uint8_t> reachablePoints(const Lattice& lattice, const PlacementInput& input) {
+std::vector<uint8_t> usablePoints(const Lattice& lattice, const PlacementInput& input) {
   std::vector<uint8_t> keep(static_cast<std::size_t>(lattice.pointCount()));
   parallelFor(keep.size(), 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i)
-      keep[i] = isReachable(input.reachability, input.embree, lattice.position(static_cast<int>(i)))
-                    ? 1
-                    : 0;
+      keep[i] = isUsable(input, lattice.position(static_cast<int>(i))) ? 1 : 0;
   });
   return keep;
+}
+
+ProbeLayout usableLayout(const Lattice& lattice, const PlacementInput& input) {
+  const std::vector<uint8_t> keep = usablePoints(lattice, input);
+  if (std::ranges::any_of(keep, [](uint8_t k) { return k != 0; }))
+    return latticeLayout(lattice, input.scene.bounds, keep);
+  return latticeLayout(singlePoint(input, FreeSpace(input).roomiest()), input.scene.bounds, {1});
 }
 
 }  // namespace probelab

@@ -8,6 +8,8 @@
 #include "base/suggest.h"
 #include "base/timer.h"
 #include "placement/grid.h"
+#include "placement/lattices.h"
+#include "placement/random_layouts.h"
 #include "placement/strategy.h"
 #include "placement/training.h"
 
@@ -72,7 +74,12 @@ int choiceOption(const PlacementInput& input, const std::string& name,
 }
 
 std::span<const Strategy> strategies() {
-  static const std::vector<Strategy> all = {kGridStrategy};
+  static const std::vector<Strategy> all = {
+      kGridStrategy,      kGridBestStrategy, kGridSparseStrategy,
+#ifdef PROBELAB_WITH_CGAL
+      kRelocatedStrategy,
+#endif
+      kJitteredStrategy,  kPoissonStrategy,  kPoissonBestStrategy};
   return all;
 }
 

@@ -7,13 +7,13 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "base/error.h"
 #include "base/parallel.h"
-#include "placement/corner_weights.h"
+#include "placement/barycentric.h"
 #include "placement/distance.h"
-#include "visible_probes.h"
 
 namespace probelab {
 namespace {
@@ -200,31 +200,6 @@ CornerWeights barycentricWeights(const Lattice& corners, const std::vector<Vec3f
         weights[i] = probeWeights(
             sites, inTriangle(sites, surface.triangles[closest.triangle].vertex, closest.point));
       }
-    }
-  });
-  return weights;
-}
-
-CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
-                                const FreeSpace& space, const CornerSettings& settings) {
-  CornerWeights weights = barycentricWeights(corners, positions);
-  if (!settings.visibility) return weights;
-  const NearestPoints probes(positions);
-  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearPoint> visible;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3f corner = corners.position(static_cast<int>(i));
-      if (!space.usable(corner)) {
-        weights[i].clear();
-        continue;
-      }
-      std::erase_if(weights[i], [&](const CornerWeight& w) {
-        return !seesPlace(space.input().embree, positions[w.probe], corner);
-      });
-      if (!weights[i].empty()) continue;
-      visibleProbes(probes, positions, space, corner, static_cast<std::size_t>(settings.k) + 1,
-                    true, visible);
-      weights[i] = kernelWeights(visible, static_cast<std::size_t>(settings.k));
     }
   });
   return weights;

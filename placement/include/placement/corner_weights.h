@@ -36,9 +36,6 @@ CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& posit
 CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                                 const FreeSpace& space, const CornerSettings& settings);
 
-// The part of tetrahedraWeights that knows nothing of the scene: no corner is left empty.
-CornerWeights barycentricWeights(const Lattice& corners, const std::vector<Vec3f>& positions);
-
 // Natural neighbours (Sibson 1981), by counting (Park et al., Discrete Sibson Interpolation, IEEE
 // TVCG 12(2), 2006): each sample of free space that lies nearer to the corner than to the nearest
 // probe that it sees counts for that probe: the volume that the corner would take from it. With

@@ -13,14 +13,32 @@ extern const Strategy kGridStrategy;
 // more probes on a tie).
 Vec3i cubicCounts(const Vec3f& edges, int probes, double vertical = 1);
 
-// The box of a lattice with these counts that keeps `inset` spacings to the given box on every
-// axis with more than one point: spacing = edge / (n - 1 + 2 inset).
-Box3f insetBox(const Box3f& box, const Vec3i& count, double inset);
+// Up to `most` of these counts, nearest to cubes first.
+std::vector<Vec3i> likelyCounts(const Vec3f& edges, int probes, std::size_t most);
 
-// The box of the reachable free space, never flat: an axis without extent takes the bounds' one.
-Box3f freeSpaceBox(const PlacementInput& input);
+// Where a lattice lies: in the free-space box or the bounds, kept away from the box's faces by
+// `inset` spacings (on axes with more than one point) or by `margin_m` metres.
+struct LatticeBox {
+  bool free_space = true;
+  double inset = 0;
+  double margin_m = 0;
+  bool operator==(const LatticeBox&) const = default;
+};
 
-// 1 for the lattice points that can matter: in free space connected to the reachable region.
-std::vector<uint8_t> reachablePoints(const Lattice& lattice, const PlacementInput& input);
+// The box before its inset: what counts are fitted to. Never flat: where the reachable free space
+// has no extent, the bounds stand in.
+Box3f outerBox(const PlacementInput& input, const LatticeBox& box);
+Lattice latticeIn(const PlacementInput& input, const LatticeBox& box, const Vec3i& count);
+
+// Boxes worth trying: the bounds; the bounds less half a spacing; the free-space box with insets of
+// 0.05, 0.15, 0.3 and 0.5 spacings, and of 12 cm where there is room for them.
+std::vector<LatticeBox> likelyBoxes(const PlacementInput& input);
+
+// 1 for the lattice points that can matter (isUsable).
+std::vector<uint8_t> usablePoints(const Lattice& lattice, const PlacementInput& input);
+
+// The layout of the lattice's usable points. Where there is none (a single point in a wall), one
+// probe in the roomiest place of the free space instead.
+ProbeLayout usableLayout(const Lattice& lattice, const PlacementInput& input);
 
 }  // namespace probelab

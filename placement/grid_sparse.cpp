@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// `grid_sparse`: a lattice so fine that N of its points lie in free space; the others store
+// nothing.
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <utility>
+
+#include "placement/lattices.h"
+#include "placement/training.h"
+
+namespace probelab {
+namespace {
+
+constexpr std::array<double, 3> kVerticals = {1, 0.6, 1.6};
+constexpr int kMostPoints = 1 << 22;   // of the underlying lattice
+constexpr int kMostRefinement = 1024;  // of its points over N
+
+// Lattices by their number of points; remembers the one with the most usable points within N.
+class Search {
+ public:
+  Search(const PlacementInput& input, const LatticeBox& box, double vertical)
+      : input_(input), box_(box), vertical_(vertical) {}
+
+  // Usable points of the lattice with up to `points` points.
+  int tryPoints(int points) {
+    const Vec3i count = cubicCounts(outerBox(input_, box_).extent(), points, vertical_);
+    if (count == last_) return last_usable_;
+    const Lattice lattice = latticeIn(input_, box_, count);
+    const std::vector<uint8_t> keep = usablePoints(lattice, input_);
+    const auto usable = static_cast<int>(std::ranges::count(keep, uint8_t{1}));
+    if (usable <= input_.probes && usable > best_usable_) best_ = lattice, best_usable_ = usable;
+    last_ = count;
+    return last_usable_ = usable;
+  }
+  int bestUsable() const { return best_usable_; }
+  const Lattice& best() const { return best_; }
+
+ private:
+  const PlacementInput& input_;
+  const LatticeBox& box_;
+  double vertical_;
+  Vec3i last_{0, 0, 0};
+  int last_usable_ = 0;
+  Lattice best_;
+  int best_usable_ = -1;
+};
+
+}  // namespace
+
+Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical) {
+  const int probes = input.probes;
+  const int most = static_cast<int>(std::clamp<long long>(
+      static_cast<long long>(probes) * kMostRefinement, probes, std::max(kMostPoints, probes)));
+  Search search(input, box, vertical);
+  int few = probes, many = probes;
+  while (search.tryPoints(many) <= probes && many < most) {
+    few = many;
+    many = static_cast<int>(std::min<long long>(2LL * many, most));
+  }
+  while (many - few > std::max(1, few / 200)) {
+    const int middle = few + (many - few) / 2;
+    (search.tryPoints(middle) <= probes ? few : many) = middle;
+  }
+  // Usable points do not grow evenly with the lattice: look around as well.
+  for (int i = -8; i <= 8 && search.bestUsable() < probes; ++i)
+    search.tryPoints(std::clamp(few + few * i / 50, probes, most));
+  return search.best();
+}
+
+ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep) {
+  if (!sweep) return usableLayout(sparseLattice(input, {true, 0.05}, 1), input);
+  const std::vector<LatticeBox> boxes = likelyBoxes(input);
+  double best_score = std::numeric_limits<double>::infinity();
+  ProbeLayout best;
+  std::size_t done = 0;
+  for (const LatticeBox& box : boxes)
+    for (const double vertical : kVerticals) {
+      ProbeLayout layout = usableLayout(sparseLattice(input, box, vertical), input);
+      const double score = input.training.score(layout, input.params);
+      if (score < best_score) best_score = score, best = std::move(layout);
+      if (input.progress)
+        input.progress(static_cast<double>(++done) /
+                       static_cast<double>(boxes.size() * kVerticals.size()));
+    }
+  return best;
+}
+
+const Strategy kGridSparseStrategy = {
+    "grid_sparse",
+    "a lattice refined until N of its points lie in free space",
+    {{"sweep", "on", "on | off",
+      "try boxes, insets and shapes of the cell and take the best on the train receivers"}},
+    [](const PlacementInput& input) {
+      return bestSparseLattice(input, choiceOption(input, "sweep", {"on", "off"}) == 0);
+    }};
+
+}  // namespace probelab

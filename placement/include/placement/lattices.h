@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The stronger lattices: swept, sparse, and moved by geometry.
+#pragma once
+
+#include "placement/grid.h"
+
+namespace probelab {
+
+extern const Strategy kGridBestStrategy;
+extern const Strategy kGridSparseStrategy;
+#ifdef PROBELAB_WITH_CGAL
+extern const Strategy kRelocatedStrategy;
+#endif
+
+// The best of at least 24 lattices by Training::score: every box of likelyBoxes with flat, cubic
+// and tall cells, then other counts in the best box, then the best counts in every box.
+ProbeLayout bestLattice(const PlacementInput& input);
+
+// A lattice in the box whose usable points are at most N and as near to N as a search over its
+// counts comes.
+Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical);
+
+// The sparse lattice in the default box, or the best over boxes and cells by Training::score.
+ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep);
+
+}  // namespace probelab
