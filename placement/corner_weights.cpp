@@ -6,7 +6,7 @@
 
 #include "base/parallel.h"
 #include "placement/barycentric.h"
-#include "placement/nearest_points.h"
+#include "placement/nearest_probes.h"
 #include "visible_probes.h"
 
 namespace probelab {
@@ -32,11 +32,11 @@ Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_sp
 
 CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                          const FreeSpace& space, const CornerSettings& settings) {
-  const NearestPoints probes(positions);
+  const NearestProbes probes(positions);
   const auto k = static_cast<std::size_t>(settings.k);
   CornerWeights weights(static_cast<std::size_t>(corners.pointCount()));
   parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearPoint> visible;
+    std::vector<NearProbe> visible;
     for (std::size_t i = begin; i < end; ++i) {
       const Vec3f corner = corners.position(static_cast<int>(i));
       if (!space.usable(corner)) continue;
@@ -52,9 +52,9 @@ CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>
                                 const FreeSpace& space, const CornerSettings& settings) {
   CornerWeights weights = barycentricWeights(corners, positions);
   if (!settings.visibility) return weights;
-  const NearestPoints probes(positions);
+  const NearestProbes probes(positions);
   parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearPoint> visible;
+    std::vector<NearProbe> visible;
     for (std::size_t i = begin; i < end; ++i) {
       const Vec3f corner = corners.position(static_cast<int>(i));
       if (!space.usable(corner)) {

@@ -120,7 +120,7 @@ FreeSpace::FreeSpace(const PlacementInput& input) : input_(input) {
   int usable_samples = 0;
   for (int i = 0; i < kVolumeSamples; ++i) {
     Rng rng(0, RngStream::placement, 0, static_cast<uint64_t>(i));
-    if (trySample(rng)) ++usable_samples;
+    if (usable(candidate(rng))) ++usable_samples;
   }
   const Vec3d cell(grid.cell_size);
   volume_m3_ = std::max(usable_samples, 1) / static_cast<double>(kVolumeSamples) *
@@ -129,15 +129,18 @@ FreeSpace::FreeSpace(const PlacementInput& input) : input_(input) {
 
 double FreeSpace::spacing(int probes) const { return std::cbrt(volume_m3_ / probes); }
 
-std::optional<Vec3f> FreeSpace::trySample(Rng& rng) const {
-  const Vec3f half = input_.reachability.cell_size * 0.5f;
-  const Vec3f center = input_.reachability.cellCenter(cells_[rng.nextBelow(cells_.size())]);
-  return sampleIn({center - half, center + half}, rng, 1);
+Vec3f FreeSpace::candidate(Rng& rng) const {
+  Vec3f p = input_.reachability.cellCenter(cells_[rng.nextBelow(cells_.size())]);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    p[axis] += (rng.nextFloat() - 0.5f) * input_.reachability.cell_size[axis];
+  return p;
 }
 
 Vec3f FreeSpace::sample(Rng& rng) const {
-  for (int i = 0; i < kSampleTries; ++i)
-    if (const auto p = trySample(rng)) return *p;
+  for (int i = 0; i < kSampleTries; ++i) {
+    const Vec3f p = candidate(rng);
+    if (usable(p)) return p;
+  }
   return roomiest_;
 }
 

@@ -13,6 +13,7 @@ namespace probelab {
 namespace {
 
 constexpr std::array<double, 3> kVerticals = {1, 0.6, 1.6};
+constexpr std::size_t kAround = 8;
 constexpr int kMostPoints = 1 << 22;   // of the underlying lattice
 constexpr int kMostRefinement = 1024;  // of its points over N
 
@@ -23,8 +24,8 @@ class Search {
       : input_(input), box_(box), vertical_(vertical) {}
 
   // Usable points of the lattice with up to `points` points.
-  int tryPoints(int points) {
-    const Vec3i count = cubicCounts(outerBox(input_, box_).extent(), points, vertical_);
+  int tryPoints(int points) { return tryCount(cubicCounts(edges(), points, 1)); }
+  int tryCount(const Vec3i& count) {
     if (count == last_) return last_usable_;
     const Lattice lattice = latticeIn(input_, box_, count);
     const std::vector<uint8_t> keep = usablePoints(lattice, input_);
@@ -32,6 +33,12 @@ class Search {
     if (usable <= input_.probes && usable > best_usable_) best_ = lattice, best_usable_ = usable;
     last_ = count;
     return last_usable_ = usable;
+  }
+  // Of the box, squeezed along y where the spacing is to be longer there.
+  Vec3f edges() const {
+    Vec3f result = outerBox(input_, box_).extent();
+    result.y /= static_cast<float>(vertical_);
+    return result;
   }
   int bestUsable() const { return best_usable_; }
   const Lattice& best() const { return best_; }
@@ -62,9 +69,11 @@ Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double
     const int middle = few + (many - few) / 2;
     (search.tryPoints(middle) <= probes ? few : many) = middle;
   }
-  // Usable points do not grow evenly with the lattice: look around as well.
-  for (int i = -8; i <= 8 && search.bestUsable() < probes; ++i)
-    search.tryPoints(std::clamp(few + few * i / 50, probes, most));
+  // Usable points do not grow evenly with the lattice: look around as well, at most 2 % below N.
+  for (const double around : {1.0, 1.05, 1.1, 0.95})
+    for (const Vec3i& count : likelyCounts(
+             search.edges(), std::clamp(static_cast<int>(around * few), probes, most), kAround))
+      if (search.bestUsable() < probes - probes / 50) search.tryCount(count);
   return search.best();
 }
 

@@ -5,7 +5,7 @@
 
 #include "base/parallel.h"
 #include "placement/corner_weights.h"
-#include "placement/nearest_points.h"
+#include "placement/nearest_probes.h"
 #include "visible_probes.h"
 
 namespace probelab {
@@ -41,18 +41,18 @@ struct Claim {
 
 // The samples of one layer of voxels, z fixed: which corners would take them from which probe.
 void claimLayer(const Lattice& corners, const std::vector<Vec3f>& positions,
-                const NearestPoints& probes, const std::vector<uint8_t>& usable,
+                const NearestProbes& probes, const std::vector<uint8_t>& usable,
                 const FreeSpace& space, bool visibility, int layer, std::vector<Claim>& claims) {
   const EmbreeScene& embree = space.input().embree;
   const Vec3f step = corners.spacing / Vec3f(kSamplesAnEdge);
   const Vec3i samples = (corners.count - Vec3i(1, 1, 1)) * Vec3i(kSamplesAnEdge);
-  std::vector<NearPoint> nearest;
+  std::vector<NearProbe> nearest;
   for (int z = layer * kSamplesAnEdge; z < (layer + 1) * kSamplesAnEdge; ++z)
     for (int y = 0; y < samples.y; ++y)
       for (int x = 0; x < samples.x; ++x) {
         const Vec3f p = corners.first + (Vec3f(Vec3i(x, y, z)) + Vec3f(0.5f)) * step;
         visibleProbes(probes, positions, space, p, 1, visibility, nearest);
-        const NearPoint& owner = nearest.front();
+        const NearProbe& owner = nearest.front();
         // Nearest regardless: the sample sees no probe, so it lies in a wall or out of reach.
         if (visibility && !seesPlace(embree, positions[owner.index], p)) continue;
         cornersWithin(corners, p, owner.distance_m, [&](std::size_t i, const Vec3f& corner) {
@@ -66,7 +66,7 @@ void claimLayer(const Lattice& corners, const std::vector<Vec3f>& positions,
 
 CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                              const FreeSpace& space, const CornerSettings& settings) {
-  const NearestPoints probes(positions);
+  const NearestProbes probes(positions);
   CornerWeights weights(static_cast<std::size_t>(corners.pointCount()));
   std::vector<uint8_t> usable(weights.size());
   parallelFor(usable.size(), 64, [&](std::size_t begin, std::size_t end) {
@@ -93,7 +93,7 @@ CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& p
         same->weight += 1;
     }
   parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearPoint> nearest;
+    std::vector<NearProbe> nearest;
     for (std::size_t i = begin; i < end; ++i) {
       if (!usable[i] || !weights[i].empty()) continue;
       visibleProbes(probes, positions, space, corners.position(static_cast<int>(i)), 1,

@@ -18,8 +18,10 @@
 namespace probelab {
 namespace {
 
-constexpr double kFirstRadius = 1.0, kShrink = 0.93;  // of the spacing; each round
-constexpr int kDartsAProbe = 8;                       // without a hit before the radius shrinks
+// Of the spacing, where random packing is full (0.38 of the volume in balls of half that radius);
+// and what remains of it after each round.
+constexpr double kFirstRadius = 0.9, kShrink = 0.96;
+constexpr std::size_t kDartsAProbe = 8;  // a round
 
 // Accepted points in cells of a fixed edge.
 class Disks {
@@ -87,19 +89,17 @@ std::vector<Vec3f> throwDarts(const FreeSpace& space, const Clearance& clearance
   // With the radius shrinks the distance kept to walls: every N is reached.
   for (double share = 1; placed.size() < wanted; share *= kShrink) {
     const double radius = share * kFirstRadius * spacing, wall = share * wall_share * spacing;
-    const std::size_t darts = kDartsAProbe * wanted;
-    for (std::size_t misses = 0; misses < darts && placed.size() < wanted;) {
-      const Vec3f p = space.sample(rng);
-      if (clearance.at(p) < wall || disks.anyWithin(p, static_cast<float>(radius))) {
-        ++misses;
+    for (std::size_t dart = 0; dart < kDartsAProbe * wanted && placed.size() < wanted; ++dart) {
+      const Vec3f p = space.candidate(rng);
+      if (disks.anyWithin(p, static_cast<float>(radius)) || clearance.at(p) < wall ||
+          !space.usable(p))
         continue;
-      }
       disks.add(p);
       placed.push_back(p);
-      misses = 0;
     }
     if (share < 1e-6) break;  // no two places differ any more
   }
+  if (placed.empty()) placed.push_back(space.roomiest());
   return placed;
 }
 

@@ -79,7 +79,7 @@ std::span<const Strategy> strategies() {
 #ifdef PROBELAB_WITH_CGAL
       kRelocatedStrategy,
 #endif
-      kJitteredStrategy,  kPoissonStrategy,  kPoissonBestStrategy};
+      kJitteredStrategy,  kPoissonStrategy,  kPoissonBestStrategy, kFileStrategy};
   return all;
 }
 

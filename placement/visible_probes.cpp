@@ -22,12 +22,12 @@ bool seesPlace(const EmbreeScene& embree, const Vec3f& probe, const Vec3f& place
       Ray{probe, kMargin * distance_m, way / distance_m, (1 - kMargin) * distance_m});
 }
 
-void visibleProbes(const NearestPoints& probes, const std::vector<Vec3f>& positions,
+void visibleProbes(const NearestProbes& probes, const std::vector<Vec3f>& positions,
                    const FreeSpace& space, const Vec3f& place, std::size_t count, bool visibility,
-                   std::vector<NearPoint>& visible) {
+                   std::vector<NearProbe>& visible) {
   const EmbreeScene& embree = space.input().embree;
   if (!visibility) return probes.nearest(place, count, visible);
-  std::vector<NearPoint> near;
+  std::vector<NearProbe> near;
   visible.clear();
   std::size_t tested = 0;
   for (std::size_t wanted = 2 * count;; wanted *= 4) {
@@ -41,7 +41,7 @@ void visibleProbes(const NearestPoints& probes, const std::vector<Vec3f>& positi
                    near.begin() + static_cast<std::ptrdiff_t>(std::min(count, near.size())));
 }
 
-std::vector<CornerWeight> kernelWeights(const std::vector<NearPoint>& visible, std::size_t k) {
+std::vector<CornerWeight> kernelWeights(const std::vector<NearProbe>& visible, std::size_t k) {
   std::vector<CornerWeight> weights;
   const bool full = visible.size() > k;
   const std::size_t count = std::min(k, visible.size());

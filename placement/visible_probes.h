@@ -6,7 +6,7 @@
 
 #include "ddgi/influence.h"
 #include "placement/free_space.h"
-#include "placement/nearest_points.h"
+#include "placement/nearest_probes.h"
 
 namespace probelab {
 
@@ -16,11 +16,11 @@ bool seesPlace(const EmbreeScene& embree, const Vec3f& probe, const Vec3f& place
 
 // The `count` nearest probes that the place sees, of the 256 nearest, nearest first; if it sees
 // none, the nearest ones regardless. Without `visibility` it sees all.
-void visibleProbes(const NearestPoints& probes, const std::vector<Vec3f>& positions,
+void visibleProbes(const NearestProbes& probes, const std::vector<Vec3f>& positions,
                    const FreeSpace& space, const Vec3f& place, std::size_t count, bool visibility,
-                   std::vector<NearPoint>& visible);
+                   std::vector<NearProbe>& visible);
 
 // (1 - d / r)^2 for the first k of them; see knnWeights.
-std::vector<CornerWeight> kernelWeights(const std::vector<NearPoint>& visible, std::size_t k);
+std::vector<CornerWeight> kernelWeights(const std::vector<NearProbe>& visible, std::size_t k);
 
 }  // namespace probelab

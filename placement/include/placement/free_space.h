@@ -35,6 +35,9 @@ class FreeSpace {
   double volume() const { return volume_m3_; }  // cubic metres, estimated by 4,096 samples
   double spacing(int probes) const;             // (volume / probes)^(1/3), metres
 
+  // A place in the cells that make up or border on the free space, uniform by volume: usable() is
+  // yet to be asked.
+  Vec3f candidate(Rng& rng) const;
   // A usable place, uniform by volume.
   Vec3f sample(Rng& rng) const;
   // The first of `tries` uniform places in the box that is usable.
@@ -43,8 +46,6 @@ class FreeSpace {
   const Vec3f& roomiest() const { return roomiest_; }
 
  private:
-  std::optional<Vec3f> trySample(Rng& rng) const;
-
   const PlacementInput& input_;
   std::vector<int32_t> cells_;  // of the reachability's grid, in which usable places may lie
   double volume_m3_ = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "placement/nearest_points.h"
+#include "placement/nearest_probes.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,14 +7,14 @@
 
 namespace probelab {
 
-NearestPoints::NearestPoints(std::span<const Vec3f> points) {
+NearestProbes::NearestProbes(std::span<const Vec3f> points) {
   nodes_.reserve(points.size());
   for (std::size_t i = 0; i < points.size(); ++i)
     nodes_.push_back({points[i], static_cast<uint32_t>(i), 0});
   build(0, nodes_.size());
 }
 
-void NearestPoints::build(std::size_t begin, std::size_t end) {
+void NearestProbes::build(std::size_t begin, std::size_t end) {
   if (end - begin < 2) return;
   Box3f box;
   for (std::size_t i = begin; i < end; ++i) box.extend(nodes_[i].position);
@@ -32,11 +32,11 @@ void NearestPoints::build(std::size_t begin, std::size_t end) {
   build(middle + 1, end);
 }
 
-void NearestPoints::search(std::size_t begin, std::size_t end, Search& s) const {
+void NearestProbes::search(std::size_t begin, std::size_t end, Search& s) const {
   if (begin >= end) return;
   const std::size_t middle = begin + (end - begin) / 2;
   const Node& node = nodes_[middle];
-  const NearPoint here{length(node.position - s.p), node.index};
+  const NearProbe here{length(node.position - s.p), node.index};
   if (here < s.limit) {
     s.found.push_back(here);
     std::push_heap(s.found.begin(), s.found.end());
@@ -53,17 +53,17 @@ void NearestPoints::search(std::size_t begin, std::size_t end, Search& s) const 
   lower_first ? search(middle + 1, end, s) : search(begin, middle, s);
 }
 
-void NearestPoints::nearest(const Vec3f& p, std::size_t count,
-                            std::vector<NearPoint>& found) const {
+void NearestProbes::nearest(const Vec3f& p, std::size_t count,
+                            std::vector<NearProbe>& found) const {
   found.clear();
   if (count == 0) return;
-  constexpr NearPoint kAll{std::numeric_limits<float>::infinity(), 0};
+  constexpr NearProbe kAll{std::numeric_limits<float>::infinity(), 0};
   Search s{p, count, kAll, found};
   search(0, nodes_.size(), s);
   std::sort_heap(found.begin(), found.end());
 }
 
-void NearestPoints::within(const Vec3f& p, float radius_m, std::vector<NearPoint>& found) const {
+void NearestProbes::within(const Vec3f& p, float radius_m, std::vector<NearProbe>& found) const {
   found.clear();
   Search s{p, nodes_.size() + 1, {radius_m, 0}, found};
   search(0, nodes_.size(), s);
