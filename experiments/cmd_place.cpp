@@ -20,6 +20,7 @@
 #include "help.h"
 #include "layout_json.h"
 #include "layout_source.h"
+#include "placement/report.h"
 #include "placement/strategy.h"
 #include "probes_glb.h"
 #include "require.h"
@@ -77,8 +78,33 @@ struct Placed {
   ProbeLayout layout;
   std::vector<uint8_t> active;  // [probe]; empty: all
   Provenance provenance;
+  Json report;
   Json search = nullptr;  // of --max-nrmse
 };
+
+Json spreadJson(const Spread& spread) {
+  return {{"min", spread.min},
+          {"p5", spread.p5},
+          {"median", spread.median},
+          {"p95", spread.p95},
+          {"max", spread.max}};
+}
+
+Json reportJson(const ProbeLayout& layout, const PlacementScene& of, uint64_t seed) {
+  std::vector<Vec3f> points;
+  for (const Receiver& r :
+       generateReceivers(of.scene, of.embree, of.reachability, kReportPoints, seed).points)
+    points.push_back(r.position);
+  const LayoutReport report = layoutReport(layout, of.scene, of.embree, points);
+  Json reached = Json::object();
+  for (std::size_t i = 0; i < report.reached.size(); ++i)
+    reached[std::to_string(LayoutReport::kReached[i])] = report.reached[i];
+  return {{"inside_geometry", report.inside_geometry},
+          {"pinned", report.pinned},
+          {"clearance_m", report.has_clearance ? spreadJson(report.clearance_m) : Json(nullptr)},
+          {"spacing_m", spreadJson(report.spacing_m)},
+          {"reached", reached}};
+}
 
 // One budget of the search.
 struct Trial {
@@ -147,7 +173,12 @@ Placed placeByError(const PlaceOptions& options, const Params& params,
   if (search.probes == 0) throwInput("{}", refusal);
   requireNoValidationMessages(setup.gpu);
   const Trial& best = trials.at(search.probes);
-  return {setup.scene, best.layout, best.active, setup.provenance,
+  return {setup.scene,
+          best.layout,
+          best.active,
+          setup.provenance,
+          reportJson(best.layout, {setup.scene, setup.embree, setup.reachability},
+                     invocation.common.seed),
           searchJson(search, trials, *options.max_nrmse)};
 }
 
@@ -177,18 +208,38 @@ Placed placeBudget(const PlaceOptions& options, const Params& params,
                    [&](double done) { progress.update(done); });
   progress.finish();
   validateLayout(placed.layout, params);
+  placed.report = reportJson(placed.layout, of, invocation.common.seed);
   if (!options.glb.empty())
     placed.active = activeProbes(placed.layout, params, of, placed.provenance, invocation);
   return placed;
 }
 
+std::string formatError(const Json& error) {
+  return error.is_null() ? "-" : formatNumber(error.get<double>());
+}
+
 std::string formatSearch(const Json& search) {
   TextTable table({"at most", "stored", "train nrmse"});
   for (const Json& step : search["steps"])
-    table.addRow(
-        {step["probes"].dump(), step["stored"].is_null() ? "-" : step["stored"].dump(),
-         step["train_nrmse"].is_null() ? "-" : formatNumber(step["train_nrmse"].get<double>())});
+    table.addRow({step["probes"].dump(), step["stored"].is_null() ? "-" : step["stored"].dump(),
+                  formatError(step["train_nrmse"])});
   return table.text();
+}
+
+std::string formatSpread(const Json& spread) {
+  if (spread.is_null()) return "-";
+  const auto of = [&](const char* name) { return formatNumber(spread[name].get<double>()); };
+  return fmt::format("{} m (least {}, 5 % {}, 95 % {}, most {})", of("median"), of("min"), of("p5"),
+                     of("p95"), of("max"));
+}
+
+std::string formatReached(const Json& reached) {
+  std::string text;
+  for (const auto& [count, share] : reached.items()) {
+    const std::string percent = fmt::format("{:.1f} %", 100 * share.get<double>());
+    text += count == "0" ? percent + " by none" : fmt::format(", {} by {} or more", percent, count);
+  }
+  return text;
 }
 
 void printResult(const Json& r) {
@@ -197,8 +248,12 @@ void printResult(const Json& r) {
                                                        r["state"].get<std::string>())},
                                  {"probes", formatLayout(r)},
                                  {"options", formatOptions(layout["options"])},
+                                 {"in solid geometry", r["report"]["inside_geometry"].dump()},
+                                 {"clearance", formatSpread(r["report"]["clearance_m"])},
+                                 {"spacing", formatSpread(r["report"]["spacing_m"])},
+                                 {"receivers reached", formatReached(r["report"]["reached"])},
                                  {"index", formatBytes(layout["index_bytes"].get<double>())},
-                                 {"built in", formatDuration(layout["build_s"].get<double>())},
+                                 {"built in", formatNumber(layout["build_s"].get<double>()) + " s"},
                                  {"evaluations", layout["evaluations"].dump()}}));
   const Json& search = r["search"];
   if (search.is_null()) return;
@@ -206,8 +261,8 @@ void printResult(const Json& r) {
   fmt::print("{}",
              formatFields({{"wanted", "nrmse <= " + search["max_nrmse"].dump()},
                            {"found", fmt::format("at most {} probes", search["probes"].dump())},
-                           {"on train receivers", search["train_nrmse"].dump()},
-                           {"on held-out receivers", search["heldout_nrmse"].dump()}}));
+                           {"on train receivers", formatError(search["train_nrmse"])},
+                           {"on held-out receivers", formatError(search["heldout_nrmse"])}}));
 }
 
 void requireError(const Json& search) {
@@ -223,7 +278,7 @@ void requireError(const Json& search) {
     throw RequirementNotMet(fmt::format(
         "not met on held-out receivers: {} with {} probes, which meet nrmse <= {:g} on train "
         "receivers; the layout is written",
-        search["heldout_nrmse"].dump(), search["probes"].get<int>(), wanted));
+        formatError(search["heldout_nrmse"]), search["probes"].get<int>(), wanted));
 }
 
 void runPlace(const PlaceOptions& options, const Invocation& invocation) {
@@ -245,6 +300,7 @@ void runPlace(const PlaceOptions& options, const Invocation& invocation) {
                  {"probes", {{"stored", placed.layout.positions.size()}}},
                  {"lattice", latticeJson(placed.layout)},
                  {"layout", layoutJson(placed.layout)},
+                 {"report", placed.report},
                  {"params", params.name},
                  {"search", placed.search},
                  {"seed", placed.layout.seed},

@@ -8,6 +8,7 @@
 
 #include "base/build_info.h"
 #include "base/error.h"
+#include "base/files.h"
 #include "base/hash.h"
 #include "ddgi/layout_file.h"
 #include "placement/strategy.h"
@@ -21,17 +22,32 @@ namespace fs = std::filesystem;
 constexpr double kCachedFromSeconds = 1;
 constexpr int kReceiversAProbe = 50, kFewestReceivers = 4096;
 
+// The program itself where it can be read, so that a change that is not committed counts as well.
+std::string programIdentity() {
+  static const std::string identity = [] {
+    try {
+      return contentHash(readFile("/proc/self/exe"));
+    } catch (const InputError&) {
+      return buildInfo().version;
+    }
+  }();
+  return identity;
+}
+
 // Without the lighting state: strategies see all train states, whichever is evaluated.
 fs::path cachePath(const std::string& folder, const Scene& scene, const Strategy& strategy,
                    const PlacementInput& input) {
-  const nlohmann::json key = {{"layout_version", kLayoutVersion},
-                              {"program", buildInfo().version},
-                              {"scene", scene.content_hash},
-                              {"strategy", strategy.name},
-                              {"options", input.options},
-                              {"probes", input.probes},
-                              {"seed", input.seed},
-                              {"params", describeParams(input.params)}};
+  nlohmann::json key = {{"program", programIdentity()},
+                        {"scene", scene.content_hash},
+                        {"strategy", strategy.name},
+                        {"options", input.options},
+                        {"probes", input.probes},
+                        {"seed", input.seed},
+                        {"params", describeParams(input.params)}};
+  for (const StrategyOption& option : strategy.options)
+    if (const std::string& value = input.options.at(option.name);
+        option.range == "FILE" && !value.empty())
+      key["files"][option.name] = contentHash(readFile(value));
   return fs::path(folder) / ("layout-" + contentHash(key.dump()) + ".json");
 }
 

@@ -15,9 +15,6 @@
 
 namespace probelab {
 
-// Part of the cache's key: raise it whenever a strategy gives other layouts.
-inline constexpr int kLayoutVersion = 1;
-
 struct PlacementScene {
   const Scene& scene;
   const EmbreeScene& embree;
