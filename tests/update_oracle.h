@@ -161,7 +161,7 @@ class UpdateByHand {
       blendIrradiance(rays, irradiance, hysteresis,
                       &after.irradiance[p * static_cast<std::size_t>(irradiance.rows())]);
       if (!after.moments.empty())
-        blendMoments(rays, moments, hysteresis,
+        blendMoments(rays, moments, hysteresis, probeLengths(field_.layout(), p).support,
                      &after.moments[p * static_cast<std::size_t>(moments.rows())]);
     }
     return after;
@@ -213,15 +213,17 @@ class UpdateByHand {
     }
   }
 
+  // Distances in units of the layout's r_i, up to the clamp times the probe's own.
   void blendMoments(const std::vector<RayValue>& rays, const Eigen::MatrixXd& w, double hysteresis,
-                    Vec2d* texels) const {
+                    float support, Vec2d* texels) const {
+    const auto unit = static_cast<double>(field_.layout().support_radius_m);
+    const double clamp = params_.distance_clamp * static_cast<double>(support) / unit;
     for (Eigen::Index t = 0; t < w.rows(); ++t) {
       Vec2d sum;
       for (std::size_t r = 0; r < rays.size(); ++r) {
         double d = rays[r].distance;
         if (d < 0) d *= -params_.backface_shortening;
-        const double q = std::min(d / static_cast<double>(field_.layout().support_radius_m),
-                                  params_.distance_clamp);
+        const double q = std::min(d / unit, clamp);
         sum += Vec2d(q, q * q) * w(t, static_cast<Eigen::Index>(r));
       }
       texels[t] = sum * (1 - hysteresis) + texels[t] * hysteresis;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "scattered_helpers.h"
 #include "update_oracle.h"
 
 namespace probelab {
@@ -104,15 +105,18 @@ std::vector<Probe> settleByHand(const FieldScene& scene, const ProbeLayout& layo
                                 const Params& params) {
   std::vector<Vec3f> directions;
   for (const Vec3d& d : sphericalFibonacci(params.fixed_rays)) directions.emplace_back(d);
-  const float kept = static_cast<float>(params.relocation_front) * layout.bias_length_m;
   std::vector<Probe> probes;
-  for (const Vec3f& home : layout.positions) {
+  for (std::size_t p = 0; p < layout.positions.size(); ++p) {
+    const Vec3f& home = layout.positions[p];
+    const float bias = probeLengths(layout, p).bias;
+    const float kept = static_cast<float>(params.relocation_front) * bias;
+    const Vec3f spacing = layout.lengths.empty() ? layout.lattice.spacing : Vec3f(bias);
     Probe probe{home};
     for (int i = 0; params.relocation != 0 && i < params.relocation_iterations; ++i) {
       const Vec3f offset =
           relocatedOffset(fixedDistances(scene, probe.place, directions), directions,
                           probe.place - home, params.backface_threshold, kept);
-      if (length(offset / layout.lattice.spacing) < static_cast<float>(params.relocation_limit))
+      if (length(offset / spacing) < static_cast<float>(params.relocation_limit))
         probe.place = home + offset;
     }
     const std::vector<float> distances = fixedDistances(scene, probe.place, directions);
@@ -120,7 +124,7 @@ std::vector<Probe> settleByHand(const FieldScene& scene, const ProbeLayout& layo
         std::count_if(distances.begin(), distances.end(), [](float t) { return t < 0; });
     bool around = false;
     for (std::size_t r = 0; r < distances.size(); ++r) {
-      const Vec3f reach = directions[r] * distances[r] / layout.lattice.spacing;
+      const Vec3f reach = directions[r] * distances[r] / spacing;
       around = around || (distances[r] > 0 && std::abs(reach.x) <= 1 && std::abs(reach.y) <= 1 &&
                           std::abs(reach.z) <= 1);
     }
@@ -132,12 +136,17 @@ std::vector<Probe> settleByHand(const FieldScene& scene, const ProbeLayout& layo
   return probes;
 }
 
+class StatesByLayout : public StatesOracle, public ::testing::WithParamInterface<bool> {};
+
 // A comparison that falls the other way by rounding moves a probe elsewhere: a few may, of 210.
-TEST_F(StatesOracle, RelocationAndClassificationEqualThePlainLoop) {
+TEST_P(StatesByLayout, RelocationAndClassificationEqualThePlainLoop) {
   int moved = 0, inactive = 0;
   for (const uint64_t seed : {1, 2, 3}) {
     const FieldScene scene(boxesScene(seed, 1));
-    const ProbeLayout layout = boxesLayout(scene.scene, 1);
+    const ProbeLayout layout =
+        GetParam() ? test::randomScattered({Vec3f(0.15f), Vec3f(3.9f, 2.8f, 3.8f)}, 210,
+                                           Vec3i(5, 4, 5), scene.scene.bounds, seed)
+                   : boxesLayout(scene.scene, 1);
     for (const int rays : {32, 100}) {
       Params params = statesParams(seed == 1 ? PL_CLASSIFY_INSIDE : PL_CLASSIFY_NEAR_SURFACE);
       params.fixed_rays = rays;
@@ -151,15 +160,20 @@ TEST_F(StatesOracle, RelocationAndClassificationEqualThePlainLoop) {
         const bool same = length(place - expected[p].place) < 1e-4f &&
                           (field->states().active[p] != 0) == expected[p].active;
         elsewhere += same ? 0 : 1;
-        const Vec3f share = (place - layout.positions[p]) / layout.lattice.spacing;
+        const Vec3f spacing = GetParam() ? Vec3f(layout.lengths[p].bias) : layout.lattice.spacing;
+        const Vec3f share = (place - layout.positions[p]) / spacing;
         EXPECT_LE(length(share), 0.45f * 1.00001f);
       }
       EXPECT_LE(elsewhere, 2) << "seed " << seed << ", " << rays << " rays";
     }
   }
-  EXPECT_GT(moved, 200);
+  EXPECT_GT(moved, GetParam() ? 150 : 200);
   EXPECT_GT(inactive, 20);
 }
+
+INSTANTIATE_TEST_SUITE_P(Layouts, StatesByLayout, ::testing::Bool(), [](const auto& info) {
+  return std::string(info.param ? "Scattered" : "Lattice");
+});
 
 // Nothing in the rules has a unit: scaled by a power of two, every step scales exactly.
 TEST_F(StatesOracle, OffsetsScaleWithTheScene) {
