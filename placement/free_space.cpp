@@ -47,19 +47,18 @@ bool isReachableCell(const Reachability& grid, std::size_t cell) {
 }  // namespace
 
 bool isInsideSolid(const Scene& scene, const EmbreeScene& embree, const Vec3f& p) {
-  int hits = 0, backs = 0;
+  int backs = 0;
   for (int i = 0; i < kDirections; ++i) {
-    if (i == kFirstLook && backs == 0 && hits > 0) return false;
+    if (i == kFirstLook && backs == 0) return false;
     const Vec3f& direction = fixedDirections()[static_cast<std::size_t>(i)];
     const Hit hit = embree.closest(Ray{p, 0, direction, kFarDistance});
     if (hit.primitive == kNoHit) continue;
-    ++hits;
     const Triangle& triangle = scene.geometry->triangles[hit.primitive];
     if (!scene.materials[triangle.material].double_sided &&
         dot(faceNormal(*scene.geometry, hit.primitive), direction) > 0)
       ++backs;
   }
-  return 2 * backs > hits;
+  return 2 * backs > kDirections;
 }
 
 bool isLineFree(const EmbreeScene& embree, const Vec3f& a, const Vec3f& b) {

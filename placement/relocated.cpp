@@ -73,22 +73,33 @@ struct Mover {
     return std::nullopt;
   }
 
-  // Away from the closest surface while that gains clearance; only along free lines.
-  Vec3f gainClearance(const Vec3f& from, Vec3f p) const {
-    double clear = distance.clearance(p);
-    for (int step = 0; step < kSteps && clear < clearance_m; ++step) {
+  // A step from p of clearance `clear` that gains some, or at least loses none and leaves another
+  // surface as the closest one, not opposite (in a corner clearance grows only when the last wall
+  // is left behind).
+  bool isStep(double clear, const Vec3f& away, const Vec3f& next, double gain) const {
+    const std::optional<ClosestPoint> there = distance.closest(next);
+    if (there->distance_m >= clear + 0.25 * gain) return true;
+    if (there->distance_m < 0.999 * clear) return false;
+    return dot(Vec3d(away), Vec3d(next) - there->point) > -0.5 * there->distance_m;
+  }
+
+  // From `start` away from the closest surface while that helps; the way there is free, step by
+  // step and straight. `from` is the lattice point.
+  Vec3f gainClearance(const Vec3f& from, const Vec3f& start) const {
+    Vec3f p = start;
+    for (int step = 0; step < kSteps; ++step) {
       const std::optional<ClosestPoint> closest = distance.closest(p);
-      if (!closest || !(closest->distance_m > 0)) return p;
+      if (!closest || !(closest->distance_m > 0) || closest->distance_m >= clearance_m) return p;
       const Vec3f away(normalize(Vec3d(p) - closest->point));
+      const double missing = clearance_m - closest->distance_m;
       bool moved = false;
-      for (double gain = clearance_m - clear; gain > 0.01 * clearance_m && !moved; gain *= 0.5) {
+      for (double gain = missing; gain > 0.01 * clearance_m && !moved; gain *= 0.5) {
         const Vec3f next = p + away * static_cast<float>(gain);
-        const double clear_there = distance.clearance(next);
-        if (clear_there < clear + 0.25 * gain || !inReach(from, next) || !isUsable(input, next) ||
-            !isLineFree(input.embree, p, next))
+        if (!inReach(from, next) || !isStep(closest->distance_m, away, next, gain) ||
+            !isUsable(input, next) || !isLineFree(input.embree, p, next) ||
+            !isLineFree(input.embree, start, next))
           continue;
         p = next;
-        clear = clear_there;
         moved = true;
       }
       if (!moved) return p;

@@ -10,10 +10,10 @@
 
 namespace probelab {
 
-// Whether a point is enclosed by solid geometry: of the rays in 32 fixed directions that hit
-// anything, more than half meet the back of a single-sided face first. That holds for open,
-// overlapping and non-manifold meshes, where counting crossings does not; a closed double-sided
-// mesh has no inside by it, but what lies in it is not reachable.
+// Whether a point is enclosed by solid geometry: more than half of the rays in 32 fixed directions
+// meet the back of a single-sided face first. That holds for open, overlapping and non-manifold
+// meshes, where counting crossings does not; a closed double-sided mesh has no inside by it, but
+// what lies in it is not reachable.
 bool isInsideSolid(const Scene& scene, const EmbreeScene& embree, const Vec3f& p);
 
 // Whether nothing lies between two points, looked at from both ends.
