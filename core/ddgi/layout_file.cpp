@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "base/build_info.h"
 #include "base/error.h"
@@ -178,6 +179,24 @@ struct Reader {
   }
 };
 
+// Throws InputError for what is no JSON object or names a member twice.
+Json parseObject(const std::string& text, const std::string& file) {
+  std::vector<std::set<std::string>> names;  // of the objects that are open
+  std::string twice;
+  const auto watch = [&](int, Json::parse_event_t event, Json& parsed) {
+    if (event == Json::parse_event_t::object_start) names.emplace_back();
+    if (event == Json::parse_event_t::object_end) names.pop_back();
+    if (event == Json::parse_event_t::key && !names.back().insert(parsed.get<std::string>()).second)
+      twice = parsed.get<std::string>();
+    return true;
+  };
+  Json json = Json::parse(text, watch, false);
+  if (json.is_discarded() || !json.is_object())
+    throwInput("{}: not a JSON object; `probelab place` writes such files", file);
+  if (!twice.empty()) throwInput("{}: key '{}' stands twice", file, twice);
+  return json;
+}
+
 Box3f readBox(const Json& json, const std::string& where, const Scene& scene) {
   const Reader reader(json, where, {"min", "max"});
   const Box3f box{reader.place("min", scene), reader.place("max", scene)};
@@ -270,6 +289,14 @@ void checkBelongs(const Reader& root, const Scene& scene) {
         root.where, scene.path);
 }
 
+Interpolant readInterpolant(const Reader& root) {
+  try {
+    return parseInterpolant(root.text("interpolant"));
+  } catch (const InputError& error) {
+    throwInput("{}: {}", root.where, error.what());
+  }
+}
+
 void readOptions(const Reader& root, ProbeLayout& layout) {
   const Json& options = root.member("options");
   if (!options.is_object()) throwInput("{} must be an object", root.path("options"));
@@ -335,9 +362,7 @@ void writeLayout(const std::filesystem::path& path, const ProbeLayout& layout, c
 
 ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene) {
   const std::string file = path.string();
-  const Json json = Json::parse(readTextFile(path), nullptr, false);
-  if (json.is_discarded() || !json.is_object())
-    throwInput("{}: not a JSON object; `probelab place` writes such files", file);
+  const Json json = parseObject(readTextFile(path), file);
   const Reader root(
       json, file,
       {"format", "version", "scene", "scene_hash", "geometry_hash", "volume", "strategy", "options",
@@ -354,7 +379,7 @@ ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene) {
   layout.seed = root.count("seed");
   layout.evaluations = root.count("evaluations");
   layout.build_s = root.number("build_s", 0, std::numeric_limits<double>::max());
-  layout.interpolant = parseInterpolant(root.text("interpolant"));
+  layout.interpolant = readInterpolant(root);
   layout.bounds = readBox(root.member("bounds"), root.path("bounds"), scene);
   layout.bias_length_m = root.positive("bias_length_m");
   layout.support_radius_m = root.positive("support_radius_m");
