@@ -6,8 +6,8 @@ import unittest
 from support import CliTest
 
 # Every command with its required arguments missing is a usage error, but for those without any.
-COMMANDS = ("info", "init", "check", "reference", "receivers", "render", "evaluate", "compare",
-            "bench")
+COMMANDS = ("info", "init", "check", "reference", "receivers", "place", "render", "evaluate",
+            "compare", "bench")
 
 
 class HelpPages(CliTest):

@@ -127,7 +127,7 @@ class Vertical(RoomTest):
     def test_range(self):
         for value in ("0.2", "8.5"):
             self.assert_refused("evaluate", "room.glb", "--vertical", value,
-                                words=("--vertical", value, "0.25"))
+                                words=("vertical=" + value, "0.25"))
         self.assert_refused("evaluate", "room.glb", "--vertical", "0", words=("--vertical",))
 
 

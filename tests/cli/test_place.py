@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""place: layouts as files, their GLB, the smallest budget for an error; --layout of other commands."""
+import json
+import re
+import struct
+import unittest
+
+from support import CliTest, write_glb
+
+# Nothing here is about accuracy.
+FIELD = ("--rays", 32, "--updates", 4, "--tracer", "embree")
+TRUTH = ("--count", 64, "--spp", 32, "--cache", "cache")
+
+SCENE = """gltf = "room.glb"
+[[light]]
+name = "lamp"
+type = "point"
+intensity = 5.0
+position = [0.5, 2.0, 0.5]
+[[state]]
+name = "day"
+[[state]]
+name = "dusk"
+lights = { lamp = { intensity = 1.0, position = [-1.0, 2.0, 0.5] } }
+[[state]]
+name = "night"
+split = "heldout"
+lights = { lamp = { intensity = 0.5 } }
+"""
+
+
+class PlaceTest(CliTest):
+    def setUp(self):
+        super().setUp()
+        write_glb(self.folder / "room.glb", emission=(1.0, 0.5, 0.25))
+        (self.folder / "room.toml").write_text(SCENE)
+
+    def place(self, *options, output="layout.json", probes=27):
+        return self.run_json("place", "room.toml", "--probes", probes, "-o", output, "--cache",
+                             "cache", *options)
+
+    def layout(self, name="layout.json"):
+        """A layout file without what differs from run to run."""
+        document = json.loads((self.folder / name).read_text())
+        del document["build_s"]
+        return document
+
+    def positions(self, name="layout.json"):
+        return [tuple(p["position"]) for p in self.layout(name)["probes"]]
+
+    def evaluate(self, *options):
+        return self.run_json("evaluate", "room.toml", *FIELD, *TRUTH, *options)
+
+    def glb(self, name):
+        """The JSON of a GLB, after a check of its lengths."""
+        data = (self.folder / name).read_bytes()
+        magic, version, total, length, kind = struct.unpack_from("<4sIII4s", data)
+        self.assertEqual((magic, version, total, kind), (b"glTF", 2, len(data), b"JSON"))
+        binary, kind = struct.unpack_from("<I4s", data, 20 + length)
+        self.assertEqual((kind, 28 + length + binary), (b"BIN\0", len(data)))
+        document = json.loads(data[20:20 + length])
+        self.assertEqual(document["buffers"], [{"byteLength": binary}])
+        return document
+
+
+class Place(PlaceTest):
+    def test_names_of_the_result(self):
+        result = self.place("--strategy", "poisson")
+        for name in ("output", "glb", "scene", "state", "strategy", "probes", "lattice", "layout",
+                     "report", "params", "search", "seed", "version", "provenance"):
+            self.assertIn(name, result)
+        self.assertEqual(set(result["layout"]), {"interpolant", "index_bytes", "asked", "seed",
+                                                 "options", "evaluations", "build_s"})
+        self.assertEqual(set(result["report"]), {"inside_geometry", "pinned", "clearance_m",
+                                                 "spacing_m", "reached"})
+        self.assertEqual(set(result["report"]["reached"]), {"0", "1", "2", "4", "8"})
+        self.assertEqual((result["strategy"], result["layout"]["asked"]), ("poisson", 27))
+        self.assertEqual(result["probes"]["stored"], 27)
+        self.assertEqual(result["report"]["inside_geometry"], 0)
+        self.assertIsNone(result["lattice"])
+        self.assertEqual(len(self.positions()), 27)
+
+    def test_the_report_is_printed(self):
+        text = self.run_ok("place", "room.toml", "--probes", 27, "-o", "layout.json").stdout
+        for words in ("27 stored, grid of 3 x 3 x 3", "box=free", "clearance", "spacing",
+                      "by none", "by 8 or more", "built in", "evaluations"):
+            self.assertIn(words, text)
+
+    def test_seeds(self):
+        for strategy in ("grid", "relocated", "jittered", "poisson"):
+            with self.subTest(strategy=strategy):
+                for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+                    self.place("--strategy", strategy, "--seed", seed, output=f"{name}.json")
+                self.assertEqual(self.layout("a.json"), self.layout("b.json"))
+                same = self.positions("a.json") == self.positions("c.json")
+                self.assertEqual(same, strategy in ("grid", "relocated"))
+
+    def test_options_reach_the_strategy(self):
+        free, bounds = (self.place("--option", f"box={box}", output=f"{box}.json")
+                        for box in ("free", "bounds"))
+        self.assertEqual(bounds["layout"]["options"]["box"], "bounds")
+        self.assertNotEqual(self.layout("free.json")["lattice"], self.layout("bounds.json")["lattice"])
+        self.assertLess(bounds["probes"]["stored"], free["probes"]["stored"])
+
+    def test_a_strategy_that_scores_is_cached_and_knows_no_state(self):
+        # Train states alone count, so the state that is asked for changes nothing.
+        made = self.place("--strategy", "grid_best", "--state", "day", output="day.json", probes=8)
+        self.assertGreater(made["layout"]["evaluations"], 1)
+        cached = list((self.folder / "cache").glob("layout-*.json"))
+        self.assertEqual(len(cached), 1)
+        cached[0].write_text("{damaged")
+        again = self.place("--strategy", "grid_best", "--state", "night", output="night.json",
+                           probes=8)
+        self.assertEqual(self.layout("day.json"), self.layout("night.json"))
+        self.assertEqual(list((self.folder / "cache").glob("layout-*.json")), cached)
+        kept = self.place("--strategy", "grid_best", output="kept.json", probes=8)
+        self.assertEqual(kept["layout"]["build_s"], again["layout"]["build_s"])
+
+    def test_help_lists_strategies_and_the_options_of_one(self):
+        page = self.run_ok("place", "--strategy", "poisson", "--help").stdout
+        for words in ("\nStrategies\n", "\n  grid_best ", "\nOptions of poisson (", "clearance=0 .. ",
+                      "(default: knn)"):
+            self.assertIn(words, page)
+        self.assertIn("\nOptions of grid (", self.run_ok("place", "--help").stdout)
+
+
+class UseOfALayout(PlaceTest):
+    def test_a_layout_scores_like_its_strategy_under_any_state(self):
+        for strategy in ("grid", "poisson"):
+            self.place("--strategy", strategy)
+            for state in ("day", "night"):
+                with self.subTest(strategy=strategy, state=state):
+                    given = self.evaluate("--layout", "layout.json", "--state", state)
+                    made = self.evaluate("--strategy", strategy, "--probes", 27, "--state", state)
+                    self.assertEqual(given["error"], made["error"])
+                    self.assertEqual((given["strategy"], given["layout"]["asked"]), (strategy, 27))
+                    self.assertEqual(given["lattice"], [3, 3, 3] if strategy == "grid" else None)
+
+    def test_evaluate_prints_what_the_layout_is(self):
+        self.place("--strategy", "poisson")
+        text = self.run_ok("evaluate", "room.toml", *FIELD, *TRUTH, "--layout",
+                           "layout.json").stdout
+        self.assertIn("27 stored, 27 active, poisson, interpolant knn", text)
+
+    def test_render_and_bench_take_one(self):
+        self.place("--strategy", "poisson")
+        size = ("--width", 24, "--height", 16, "--spp", 1)
+        for name, more in (("plain", ()), ("balls", ("--show-probes",))):
+            self.run_ok("render", "room.toml", "-o", f"{name}.exr", "--layout", "layout.json",
+                        *FIELD, *size, *more)
+        self.assertGreater(self.run_json("compare", "balls.exr", "plain.exr")["error"]["rmse"], 0)
+        result = self.run_json("bench", "room.toml", "--layout", "layout.json", "--rays", 16,
+                               "--updates", 3, "--tracer", "embree")
+        self.assertEqual((result["probes"], result["strategy"]), (27, "poisson"))
+        self.assertIsNone(result["ratios"]["query_vs_textbook"])
+
+    def test_short_options_of_the_grid(self):
+        short = self.evaluate("--probes", 27, "--lattice", "bounds", "--vertical", 2)
+        long = self.evaluate("--probes", 27, "--option", "box=bounds", "--option", "vertical=2")
+        self.assertEqual(short["error"], long["error"])
+        self.assert_refused("evaluate", "room.toml", "--strategy", "poisson", "--lattice", "free",
+                            words=("--lattice", "'poisson'", "'box'"))
+
+
+class Glb(PlaceTest):
+    def test_positions_come_back(self):
+        self.place("--strategy", "poisson", "--glb", "probes.glb")
+        document = self.glb("probes.glb")
+        self.assertEqual([n["name"] for n in document["nodes"]],
+                         [f"probe {i}" for i in range(27)])
+        self.assertEqual([tuple(n["translation"]) for n in document["nodes"]], self.positions())
+        self.assertEqual({document["meshes"][n["mesh"]]["name"] for n in document["nodes"]},
+                         {"active probe"})
+        # A tenth of the probe's bias length in radius.
+        for node, probe in zip(document["nodes"], self.layout()["probes"]):
+            self.assertAlmostEqual(node["scale"][0], 0.1 * probe["bias_m"], places=6)
+        self.place("--strategy", "file", "--option", "path=probes.glb", output="back.json")
+        self.assertEqual(self.positions("back.json"), self.positions())
+        self.place("--strategy", "file", "--option", "path=layout.json", output="copy.json")
+        self.assertEqual(self.positions("copy.json"), self.positions())
+
+    def test_pinned_probes_stay_pinned(self):
+        (self.folder / "points.csv").write_text("x,y,z,pinned\n0,1,0,0\n1,1,1,1\n")
+        self.place("--strategy", "file", "--option", "path=points.csv", "--glb", "probes.glb")
+        nodes = self.glb("probes.glb")["nodes"]
+        meshes = [m["name"] for m in self.glb("probes.glb")["meshes"]]
+        self.assertEqual([meshes[n["mesh"]] for n in nodes], ["active probe", "pinned probe"])
+        result = self.place("--strategy", "file", "--option", "path=probes.glb", output="b.json")
+        self.assertEqual(result["report"]["pinned"], 1)
+        self.assertEqual([p["pinned"] for p in self.layout("b.json")["probes"]], [False, True])
+
+    def test_inactive_probes_have_their_colour(self):
+        self.place("--set", "classification=near_surface", "--glb", "probes.glb", probes=512)
+        document = self.glb("probes.glb")
+        names = [document["meshes"][n["mesh"]]["name"] for n in document["nodes"]]
+        self.assertEqual(set(names), {"active probe", "inactive probe"})
+        # Those farthest from the walls see no near surface.
+        middle = min(document["nodes"], key=lambda n: sum(
+            (a - b) ** 2 for a, b in zip(n["translation"], (0.0, 1.5, 0.0))))
+        self.assertEqual(names[document["nodes"].index(middle)], "inactive probe")
+
+
+class SmallestBudget(PlaceTest):
+    def search(self, *options):
+        return self.run_program("place", "room.toml", *FIELD, *TRUTH, "-o", "layout.json", "--json",
+                                *options)
+
+    def test_the_smallest_that_meets_it(self):
+        loose = json.loads(self.search("--max-nrmse", 10).stdout)["search"]
+        self.assertEqual((loose["met"], loose["probes"]), (True, 1))
+        errors = {s["probes"]: s["train_nrmse"] for s in loose["steps"]}
+        self.assertEqual(loose["train_nrmse"], errors[1])
+        wanted = 0.999 * errors[1]
+        result = self.search("--max-nrmse", wanted, "--probes", 64)
+        search = json.loads(result.stdout)["search"]
+        self.assertTrue(search["met"])
+        self.assertLessEqual(search["train_nrmse"], wanted)
+        self.assertEqual(len(self.layout()["probes"]), next(
+            s["stored"] for s in search["steps"] if s["probes"] == search["probes"]))
+        below = [s["probes"] for s in search["steps"] if s["probes"] < search["probes"]]
+        self.assertGreaterEqual(max(below), 0.95 * search["probes"] - 1)
+        # Checked on held-out receivers, apart from the choice.
+        self.assertEqual(search["heldout_met"], search["heldout_nrmse"] <= wanted)
+        self.assertEqual(result.returncode, 0 if search["heldout_met"] else 3, result.stderr)
+
+    def test_not_met_keeps_the_best(self):
+        result = self.search("--max-nrmse", "1e-6", "--probes", 20)
+        self.assertEqual(result.returncode, 3)
+        search = json.loads(result.stdout)["search"]
+        self.assertFalse(search["met"])
+        self.assertEqual([s["probes"] for s in search["steps"]], [8, 16, 20])
+        best = min(search["steps"], key=lambda s: s["train_nrmse"])
+        self.assertEqual((search["probes"], search["train_nrmse"]),
+                         (best["probes"], best["train_nrmse"]))
+        self.assertEqual(len(self.layout()["probes"]), best["stored"])
+        self.assertIn("not met: nrmse <= 1e-06 with up to 20 probes", result.stderr)
+
+
+class Refusals(PlaceTest):
+    def refuse(self, *options, words):
+        self.assert_refused("place", "room.toml", "-o", "l.json", *options, words=words)
+
+    def test_names_and_values(self):
+        for options, words in (
+                (("--strategy", "poison"), ("--strategy", "'poisson'")),
+                (("--option", "bix=free"), ("bix", "'box'")),
+                (("--option", "box=fre"), ("box=fre", "'free'")),
+                (("--option", "box"), ("--option box",)),
+                (("--option", "=free"), ("--option =free",)),
+                (("--option", "box=free", "--option", "box=bounds"), ("box", "twice")),
+                (("--option", "vertical=nan"), ("vertical=nan", "0.25")),
+                (("--probes", "0"), ("--probes", "0")),
+                (("--probes", "99999999"), ("--probes 99999999",)),
+                (("--max-nrmse", "-1"), ("--max-nrmse", "-1")),
+                (("--params", "rtxg"), ("'rtxgi'",)),
+                (("--state", "dawn"), ("dawn",)),
+                (("--glb", "probes.txt"), (".glb",)),
+                (("--glb", "no/probes.glb"), ("no",))):
+            with self.subTest(options=options):
+                self.refuse(*options, words=words)
+        self.assert_refused("place", "room.toml", "-o", "l.csv", words=(".json",))
+        self.assert_refused("place", "room.toml", words=("-o",))
+
+    def test_files_of_positions(self):
+        for name, text, words in (
+                ("few.csv", "", ("few.csv",)), ("word.csv", "0,1,x\n", ("word.csv", "x")),
+                ("nan.csv", "0,nan,0\n", ("nan.csv",)), ("short.csv", "0,1\n", ("short.csv",)),
+                ("far.csv", "0,1,0\n900,1,0\n", ("far.csv",)),
+                ("many.csv", "0,1,0\n0,1,1\n1,1,1\n", ("3", "2")),
+                ("bad.glb", "glTF", ("bad.glb",)), ("bad.json", "[]", ("bad.json",)),
+                ("bad.txt", "0,1,0", ("bad.txt",))):
+            (self.folder / name).write_text(text)
+            with self.subTest(name=name):
+                self.refuse("--strategy", "file", "--option", f"path={name}", "--probes", "2",
+                            words=words)
+        self.refuse("--strategy", "file", words=("path",))
+        self.refuse("--strategy", "file", "--option", "path=none.csv", words=("none.csv",))
+
+    def test_layouts(self):
+        self.place("--strategy", "poisson", probes=8)
+        text = (self.folder / "layout.json").read_text()
+
+        def changed(change):
+            document = json.loads(text)
+            change(document)
+            return json.dumps(document)
+
+        def influence(name, value):
+            return changed(lambda d: d["influence"].__setitem__(name, value))
+
+        for damaged in (
+                "", "[]", text[:len(text) // 2], text.replace("probelab layout 1", "layout 9"),
+                changed(lambda d: d.pop("probes")), changed(lambda d: d.update(probes=[])),
+                changed(lambda d: d["probes"][0].update(position=[0, 1])),
+                changed(lambda d: d["probes"][0].update(position=[0, "1", 0])),
+                changed(lambda d: d["probes"][0].update(bias_m=-1)),
+                changed(lambda d: d["probes"][0].update(bias_m=1e999)),
+                changed(lambda d: d["probes"].pop()), changed(lambda d: d.update(more=1)),
+                changed(lambda d: d.update(interpolant="lattice")),
+                changed(lambda d: d.update(geometry_hash="0" * 32)),
+                influence("voxel_begin", [0]), influence("entry_weights", "zz"),
+                influence("count", [2 ** 30] * 3), influence("entry_probes", [2 ** 31])):
+            (self.folder / "bad.json").write_text(damaged)
+            with self.subTest(text=damaged[:80]):
+                self.assert_refused("evaluate", "room.toml", "--layout", "bad.json",
+                                    words=("bad.json",))
+        self.assert_refused("evaluate", "room.toml", "--layout", "none.json", words=("none.json",))
+
+    def test_a_layout_of_another_scene(self):
+        self.place("--strategy", "poisson", probes=8)
+        write_glb(self.folder / "other.glb", camera=(0.0, 1.0, 1.0), emission=(1.0, 1.0, 1.0),
+                  positions=[(x, y, z) for x in (-3.0, 3.0) for y in (0.0, 3.0) for z in (-2.0, 2.0)])
+        self.assert_refused("render", "other.glb", "-o", "o.exr", "--layout", "layout.json",
+                            words=("layout.json",))
+
+    def test_a_layout_leaves_nothing_to_place(self):
+        for option in (("--strategy", "grid"), ("--probes", "8"), ("--option", "box=free"),
+                       ("--lattice", "free"), ("--vertical", "2")):
+            with self.subTest(option=option):
+                line = self.assert_refused("evaluate", "room.toml", "--layout", "l.json", *option,
+                                           words=("--layout", option[0]))
+                self.assertTrue(re.search("exclude", line), line)
+        self.assert_refused("bench", "room.toml", "--layout", "l.json", "--sweep",
+                            words=("--layout", "--sweep"))
+
+
+if __name__ == "__main__":
+    unittest.main()
