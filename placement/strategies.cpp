@@ -9,6 +9,7 @@
 #include "base/timer.h"
 #include "placement/grid.h"
 #include "placement/lattices.h"
+#include "placement/optimized.h"
 #include "placement/random_layouts.h"
 #include "placement/strategy.h"
 #include "placement/training.h"
@@ -77,7 +78,7 @@ std::span<const Strategy> strategies() {
   static const std::vector<Strategy> all = {
       kGridStrategy,      kGridBestStrategy, kGridSparseStrategy,
 #ifdef PROBELAB_WITH_CGAL
-      kRelocatedStrategy,
+      kOptimizedStrategy, kRelocatedStrategy,
 #endif
       kJitteredStrategy,  kPoissonStrategy,  kPoissonBestStrategy, kFileStrategy};
   return all;

@@ -11,7 +11,7 @@ namespace probelab {
 namespace {
 
 BakedProbe blendRays(const PatchCache& patches, const BakePlan& plan, const Vec3f& position,
-                     std::span<const RaySample> samples) {
+                     float distance_clamp_m, std::span<const RaySample> samples) {
   const std::size_t states = patches.stateCount(), rays = samples.size();
   std::vector<float> radiance(rays * states, 0.0f);
   for (std::size_t r = 0; r < rays; ++r)
@@ -36,7 +36,7 @@ BakedProbe blendRays(const PatchCache& patches, const BakePlan& plan, const Vec3
   std::vector<float> distance(rays);
   for (std::size_t r = 0; r < rays; ++r) {
     const float d = samples[r].distance_m;
-    distance[r] = std::min(d < 0 ? -d * plan.backface_shortening : d, plan.distance_clamp_m);
+    distance[r] = std::min(d < 0 ? -d * plan.backface_shortening : d, distance_clamp_m);
   }
   probe.moments.assign(static_cast<std::size_t>(plan.moment_texels * plan.moment_texels), Vec2f());
   each(plan.moments, [&](uint32_t texel, uint32_t ray, float weight) {
@@ -63,7 +63,8 @@ BakePlan makeBakePlan(const Params& params, float distance_clamp_m, uint64_t see
 }
 
 std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& plan,
-                                   std::span<const Vec3f> positions) {
+                                   std::span<const Vec3f> positions,
+                                   std::span<const float> distance_clamps_m) {
   std::vector<BakedProbe> probes(positions.size());
   const std::size_t rays = plan.directions.size();
   parallelFor(positions.size(), 8, [&](std::size_t begin, std::size_t end) {
@@ -73,8 +74,10 @@ std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& pl
     std::vector<RaySample> samples(batch.size());
     patches.trace(batch, samples);
     for (std::size_t p = begin; p < end; ++p)
-      probes[p] = blendRays(patches, plan, positions[p],
-                            std::span(samples).subspan((p - begin) * rays, rays));
+      probes[p] =
+          blendRays(patches, plan, positions[p],
+                    distance_clamps_m.empty() ? plan.distance_clamp_m : distance_clamps_m[p],
+                    std::span(samples).subspan((p - begin) * rays, rays));
   });
   return probes;
 }

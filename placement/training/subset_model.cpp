@@ -12,10 +12,10 @@
 namespace probelab {
 namespace {
 
-constexpr int kListed = 16;          // nearest visible probes that a receiver knows, at most
-constexpr float kFewerReach = 1.5f;  // support over the farthest where fewer than k + 1 are visible
-constexpr float kLift = 1e-4f;       // of the scene's extent, off the surface for visibility rays
-constexpr float kGap = 1e-3f;        // share of a visibility ray left out at its end
+constexpr std::size_t kMaxStates = 64;
+constexpr int kListed = 16;     // nearest visible probes that a receiver knows, at most
+constexpr float kLift = 1e-4f;  // of the scene's extent, off the surface for visibility rays
+constexpr float kGap = 1e-3f;   // share of a visibility ray left out at its end
 
 // The moments of one probe as the shared query reads them.
 struct MomentField {
@@ -31,27 +31,32 @@ bool isSqrtAverage(const QueryModes& modes) { return modes.average != PL_AVERAGE
 
 }  // namespace
 
-SubsetModel::SubsetModel(const Training::Data& data, const Params& params, const BakePlan& plan,
-                         const SubsetSettings& settings, const Objective& objective)
+JudgedPoints trainPoints(const Training::Data& data) { return {data.receivers, data.truth}; }
+
+SubsetModel::SubsetModel(const Training::Data& data, const JudgedPoints& judged,
+                         const Params& params, const BakePlan& plan, const SubsetSettings& settings,
+                         const Objective& objective)
     : data_(data),
+      judged_(judged),
       query_(convertQueryParams<float>(queryParams(params))),
       modes_(queryModes(params)),
       plan_(plan),
       settings_(settings),
       states_(data.stateCount()) {
-  const std::size_t count = data.receivers.size();
+  PROBELAB_CHECK(states_ <= kMaxStates);
+  const std::size_t count = judged.points.size();
   weights_.assign(count * states_, 0.0f);
   for (std::size_t r = 0; r < count; ++r)
     for (std::size_t l = 0; l < states_; ++l) {
       if (!(data.power[l] > 0)) continue;
-      const double e = static_cast<double>(data.truth[r * states_ + l]);
+      const double e = static_cast<double>(judged.truth[r * states_ + l]);
       const double w = (1 - objective.relative) / data.power[l] +
                        objective.relative / ((e + 0.1 * data.mean[l]) * data.mean[l]);
       weights_[r * states_ + l] =
-          static_cast<float>(data.receivers[r].area * objective.state_weights[l] * w);
+          static_cast<float>(judged.points[r].area * objective.state_weights[l] * w);
     }
   const float lift = kLift * data.embree.extent();
-  for (const Receiver& r : data.receivers) lifted_.push_back(r.position + r.normal * lift);
+  for (const Receiver& r : judged.points) lifted_.push_back(r.position + r.normal * lift);
   lists_.resize(count);
   values_.assign(count * kListed * states_, 0.0f);
   costs_.assign(count, 0.0);
@@ -69,8 +74,7 @@ SubsetModel::SubsetModel(const Training::Data& data, const Params& params, const
     int cell = 0;
     for (int axis = 2; axis >= 0; --axis) {
       const auto a = static_cast<std::size_t>(axis);
-      const int at =
-          static_cast<int>((data.receivers[r].position[a] - box_.min[a]) / cell_size_[a]);
+      const int at = static_cast<int>((judged.points[r].position[a] - box_.min[a]) / cell_size_[a]);
       cell = cell * cells_[a] + std::clamp(at, 0, cells_[a] - 1);
     }
     cell_receivers_[static_cast<std::size_t>(cell)].push_back(static_cast<uint32_t>(r));
@@ -79,7 +83,7 @@ SubsetModel::SubsetModel(const Training::Data& data, const Params& params, const
 }
 
 float SubsetModel::gainOf(std::size_t receiver, const BakedProbe& probe) const {
-  const Receiver& r = data_.receivers[receiver];
+  const Receiver& r = judged_.points[receiver];
   const Vec3f biased = r.position + (r.normal * query_.normal_bias - r.view * query_.view_bias) *
                                         settings_.bias_length_m;
   const Vec3f& seen_from = modes_.facing == PL_FACING_WRAP_BIASED ? biased : r.position;
@@ -101,7 +105,7 @@ float SubsetModel::gainOf(std::size_t receiver, const BakedProbe& probe) const {
 
 // The probe's mean radiance as averaged, at the receiver's normal.
 void SubsetModel::valuesOf(std::size_t receiver, const BakedProbe& probe, float* values) const {
-  const OctTaps<float> t = octTaps(data_.receivers[receiver].normal, plan_.irradiance_texels, 0);
+  const OctTaps<float> t = octTaps(judged_.points[receiver].normal, plan_.irradiance_texels, 0);
   const float x = t.fraction_x, y = t.fraction_y;
   const float* a = &probe.mean_radiance[static_cast<std::size_t>(t.texel_00) * states_];
   const float* b = &probe.mean_radiance[static_cast<std::size_t>(t.texel_10) * states_];
@@ -131,13 +135,15 @@ SubsetModel::Pair SubsetModel::pairOf(std::size_t receiver, const BakedProbe& pr
 float SubsetModel::reachOf(std::size_t receiver) const {
   const List& list = lists_[receiver];
   const auto k = static_cast<std::size_t>(settings_.neighbours);
-  if (list.entries.size() <= k) return std::numeric_limits<float>::infinity();
-  return list.entries[k].distance;
+  if (list.entries.empty()) return std::numeric_limits<float>::infinity();
+  const float most = std::max(settings_.largest_reach_m, list.entries.front().distance);
+  return list.entries.size() > k ? std::min(list.entries[k].distance, most) : most;
 }
 
-double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
-  std::array<float, 64> added_values;
-  PROBELAB_CHECK(states_ <= added_values.size());
+// Mean radiance under every state after a change.
+void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
+                               std::span<float> estimate) const {
+  std::array<float, kMaxStates> added_values;
   Pair added;
   if (change.added != nullptr) added = pairOf(receiver, *change.added, added_values.data());
   // The k + 1 nearest after the change.
@@ -163,34 +169,49 @@ double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
     if (count > k) break;
   }
   if (pending && count <= k) items[count++] = {added.distance, added.gain, added_values.data()};
-  std::array<float, 64> sums{};
+  std::fill(estimate.begin(), estimate.end(), 0.0f);
+  if (count == 0) return;
+  float reach = settings_.largest_reach_m;
+  if (count > k) reach = std::min(reach, items[k].distance);
   float total = 0;
-  if (count > 0) {
-    const float reach =
-        count > k ? items[k].distance : kFewerReach * items[count - 1].distance + 1e-20f;
-    for (std::size_t i = 0; i < std::min(count, k); ++i) {
-      const float t = std::max(0.0f, 1 - items[i].distance / reach);
-      const float w = t * t * items[i].gain;
-      total += w;
-      for (std::size_t l = 0; l < states_; ++l) sums[l] += w * items[i].values[l];
-    }
-    if (!(total > 1e-12f)) {
-      total = 1;
-      for (std::size_t l = 0; l < states_; ++l) sums[l] = items[0].values[l];
-    }
+  for (std::size_t i = 0; i < std::min(count, k); ++i) {
+    const float t = std::max(0.0f, 1 - items[i].distance / reach);
+    const float w = t * t * items[i].gain;
+    total += w;
+    for (std::size_t l = 0; l < states_; ++l) estimate[l] += w * items[i].values[l];
   }
-  const float scale = total > 0 ? 1 / total : 0;
-  const float* truth = data_.truthOf(receiver);
+  if (!(total > 1e-12f)) {  // the nearest answers
+    std::copy_n(items[0].values, states_, estimate.begin());
+    total = 1;
+  }
+  const bool squared = isSqrtAverage(modes_);
+  for (float& e : estimate) {
+    e /= total;
+    if (squared) e *= e;
+  }
+}
+
+double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
+  std::array<float, kMaxStates> buffer;
+  const std::span<float> estimate(buffer.data(), states_);
+  estimateWith(receiver, change, estimate);
+  const float* truth = &judged_.truth[receiver * states_];
   const float* weight = &weights_[receiver * states_];
   float cost = 0;
-  const bool squared = isSqrtAverage(modes_);
   for (std::size_t l = 0; l < states_; ++l) {
-    float mean = sums[l] * scale;
-    if (squared) mean *= mean;
-    const float d = mean - truth[l];
+    const float d = estimate[l] - truth[l];
     cost += weight[l] * d * d;
   }
   return static_cast<double>(cost);
+}
+
+std::vector<float> SubsetModel::estimates() const {
+  std::vector<float> all(lists_.size() * states_);
+  parallelFor(lists_.size(), 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r)
+      estimateWith(r, {}, std::span(all).subspan(r * states_, states_));
+  });
+  return all;
 }
 
 template <class Visit>
@@ -234,7 +255,9 @@ double SubsetModel::tryChange(const Change& change) const {
 
 std::vector<uint32_t> SubsetModel::touched(const Change& change) const {
   std::vector<uint32_t> receivers;
-  forTouched(change, [&](uint32_t r) { receivers.push_back(r); });
+  forTouched(change, [&](uint32_t r) {
+    if (costWith(r, change) != costs_[r]) receivers.push_back(r);
+  });
   std::sort(receivers.begin(), receivers.end());
   return receivers;
 }
@@ -252,7 +275,7 @@ void SubsetModel::insertEntry(std::size_t receiver, int probe) {
     return;
   }
   if (!list.complete && !list.entries.empty() && distance >= list.entries.back().distance) return;
-  std::array<float, 64> values;
+  std::array<float, kMaxStates> values;
   const Pair pair = pairOf(receiver, baked, values.data());
   if (!pair.visible) return;
   int row = static_cast<int>(list.entries.size());

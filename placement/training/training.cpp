@@ -106,36 +106,15 @@ void traceTraining(Training::Data& data) {
   normalise(data);
 }
 
-FieldSnapshot layoutSnapshot(const ProbeLayout& layout, const Params& params) {
-  FieldSnapshot snapshot;
-  snapshot.lattice = latticeShape(layout, params);
-  snapshot.modes = queryModes(params);
-  snapshot.params = queryParams(params);
-  const ProbeStates states = initialStates(layout);
-  snapshot.modes.moved = isMoved(layout, states) ? 1 : 0;
-  snapshot.probe_of_point = layout.probe_of_point;
-  snapshot.nearest_probe = nearestIndex(layout, states);
-  snapshot.positions = layout.positions;
-  return snapshot;
-}
-
 // A snapshot with the moments; irradiance is filled in for a few states at a time.
 FieldSnapshot bakedSnapshot(const ProbeLayout& layout, const Params& params,
                             std::span<const BakedProbe> probes) {
-  FieldSnapshot snapshot = layoutSnapshot(layout, params);
+  FieldSnapshot snapshot = layoutSnapshot(layout, initialStates(layout), params);
   snapshot.lattice.border = 0;
   const float unit = 1 / layout.support_radius_m;
-  for (std::size_t p = 0; p < probes.size(); ++p) {
-    const float clamp =
-        static_cast<float>(params.distance_clamp) * probeLengths(layout, p).support * unit;
-    for (const Vec2f& m : probes[p].moments) {
-      // The bake's clamp is the largest of all probes; here only the mean can be held to a
-      // smaller one.
-      const float mean = std::min(m.x * unit, clamp);
-      const float variance = std::max(m.y - m.x * m.x, 0.0f) * unit * unit;
-      snapshot.moments.push_back(Vec2f(mean, mean * mean + variance));
-    }
-  }
+  for (const BakedProbe& probe : probes)
+    for (const Vec2f& m : probe.moments)
+      snapshot.moments.push_back(Vec2f(m.x * unit, m.y * unit * unit));
   return snapshot;
 }
 
@@ -156,10 +135,11 @@ uint64_t Training::evaluations() const { return data_->evaluations; }
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params) {
   const std::size_t states = data.stateCount();
-  const BakePlan plan =
-      makeBakePlan(params, static_cast<float>(params.distance_clamp) * layout.support_radius_m,
-                   data.settings.seed);
-  const std::vector<BakedProbe> probes = bakeProbes(*data.patches, plan, layout.positions);
+  const BakePlan plan = makeBakePlan(params, 0, data.settings.seed);
+  std::vector<float> clamps;
+  for (std::size_t p = 0; p < layout.positions.size(); ++p)
+    clamps.push_back(static_cast<float>(params.distance_clamp) * probeLengths(layout, p).support);
+  const std::vector<BakedProbe> probes = bakeProbes(*data.patches, plan, layout.positions, clamps);
   FieldSnapshot snapshot = bakedSnapshot(layout, params, probes);
   // The atlas holds irradiance / pi; encoding is left out.
   QueryParams<double> query = queryParams(params);

@@ -30,8 +30,9 @@ struct BakePlan {
 };
 BakePlan makeBakePlan(const Params& params, float distance_clamp_m, uint64_t seed);
 
-// [position]; parallel.
+// [position]; parallel. Distances are held to the plan's clamp, or to one of its own for each.
 std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& plan,
-                                   std::span<const Vec3f> positions);
+                                   std::span<const Vec3f> positions,
+                                   std::span<const float> distance_clamps_m = {});
 
 }  // namespace probelab

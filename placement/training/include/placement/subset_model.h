@@ -14,6 +14,13 @@
 
 namespace probelab {
 
+// Where probes are judged, and what is right there: train receivers, and what else a search adds.
+struct JudgedPoints {
+  std::vector<Receiver> points;  // areas sum to 1
+  std::vector<float> truth;      // [point][state], irradiance / pi, luminance
+};
+JudgedPoints trainPoints(const Training::Data& data);
+
 // What an estimate's error costs: sum over receivers and states of
 // area * state_weight * ((1 - relative) d^2 / power + relative d^2 / ((E + 0.1 mean) mean)) with d
 // the error of the irradiance E, and power and mean of the state's truth.
@@ -25,13 +32,14 @@ struct Objective {
 struct SubsetSettings {
   int neighbours = 8;                             // k
   float bias_length_m = 0, support_radius_m = 0;  // nominal lengths of the layout to be
+  float largest_reach_m = 0;  // no support is larger; beyond it the nearest probe answers
 };
 
 class SubsetModel {
  public:
   // References are kept.
-  SubsetModel(const Training::Data& data, const Params& params, const BakePlan& plan,
-              const SubsetSettings& settings, const Objective& objective);
+  SubsetModel(const Training::Data& data, const JudgedPoints& judged, const Params& params,
+              const BakePlan& plan, const SubsetSettings& settings, const Objective& objective);
 
   // A change: probe `removed` goes (-1: none), the baked one comes (null: none).
   struct Change {
@@ -40,16 +48,18 @@ class SubsetModel {
   };
   // Cost after a change minus cost before; the state stays as it is. Safe to call in parallel.
   double tryChange(const Change& change) const;
-  // Receivers whose answer the change would touch, in ascending order.
+  // Receivers whose cost the change would alter, in ascending order.
   std::vector<uint32_t> touched(const Change& change) const;
 
   int add(const BakedProbe& probe);  // returns its index; indices of removed probes are used again
   void remove(int probe);
 
+  const JudgedPoints& judged() const { return judged_; }
   double cost() const;
+  std::vector<float> estimates() const;  // [receiver][state], mean radiance
   // Share of the cost of one receiver.
   double costAt(std::size_t receiver) const { return costs_[receiver]; }
-  std::size_t receiverCount() const { return data_.receivers.size(); }
+  std::size_t receiverCount() const { return judged_.points.size(); }
   const std::vector<int>& probes() const { return alive_; }  // indices in use, ascending
   const BakedProbe& probe(int index) const { return slots_[static_cast<std::size_t>(index)]; }
   std::vector<Vec3f> positions() const;  // of the probes in use
@@ -71,6 +81,7 @@ class SubsetModel {
   Pair pairOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
   float gainOf(std::size_t receiver, const BakedProbe& probe) const;
   void valuesOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
+  void estimateWith(std::size_t receiver, const Change& change, std::span<float> estimate) const;
   double costWith(std::size_t receiver, const Change& change) const;
   template <class Visit>
   void forTouched(const Change& change, const Visit& visit) const;
@@ -80,6 +91,7 @@ class SubsetModel {
   float reachOf(std::size_t receiver) const;
 
   const Training::Data& data_;
+  const JudgedPoints& judged_;
   QueryParams<float> query_;
   QueryModes modes_;
   const BakePlan& plan_;

@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Moves, adds and swaps probes of a SubsetModel as long as its cost falls. Many proposals are tried
+// at once against the same state; of those that help, the best that do not touch each other's
+// receivers are taken, so the result does not depend on the number of threads.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "placement/distance.h"
+#include "placement/free_space.h"
+#include "placement/subset_model.h"
+
+namespace probelab {
+
+struct SearchSettings {
+  int probes = 0;                // at most that many in the end
+  double proposals_a_probe = 0;  // in all, times the budget
+  double swap_share = 0;         // of the proposals; the others are moves
+  float spacing_m = 0;
+  float wall_gap_m = 0;         // kept between probes and surfaces
+  std::vector<uint8_t> pinned;  // [index in the model]: stays
+};
+
+// Proposals that were tried.
+uint64_t searchPositions(SubsetModel& model, const Training::Data& data, const BakePlan& plan,
+                         const FreeSpace& space, const SceneDistance& distance,
+                         const SearchSettings& settings, uint64_t seed);
+
+}  // namespace probelab

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Candidates that a set of probes should make superfluous: places of all of the free space, many
+// near walls, where a probe is baked and looked at in one direction. They read no receiver: train
+// receivers lie in half of the blocks of space only, and a set that is judged by them alone leaves
+// the other half to chance.
+#pragma once
+
+#include "placement/probe_bake.h"
+#include "placement/subset_model.h"
+
+namespace probelab {
+
+struct PoolSettings {
+  int points = 0;
+  double share = 0;     // of the cost's weight; the train receivers keep the rest
+  float spacing_m = 0;  // of the layout to be
+};
+
+void addPool(JudgedPoints& judged, const Training::Data& data, const BakePlan& plan,
+             const PoolSettings& settings, uint64_t seed);
+
+}  // namespace probelab

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// `optimized`: starts from the best sparse lattice and moves, adds and swaps probes against the
+// truth at train receivers and the pool's candidates, under the scene's train states and generated
+// ones. Each state counts by its error under the start, so that no light is sacrificed for another.
+#include "placement/optimized.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "placement/lattices.h"
+#include "placement/local_search.h"
+#include "placement/pool.h"
+#include "placement/scattered.h"
+#include "placement/training.h"
+
+namespace probelab {
+namespace {
+
+constexpr float kSupportSpacings = 2.2f;  // typical support radius over the spacing
+constexpr float kReachSpacings = 3.0f;    // largest support
+
+// 1 / error^2 of the start under each state, so that the sum falls as their geometric mean does.
+std::vector<double> stateWeights(const Training::Data& data, std::span<const float> estimates) {
+  std::vector<double> weights = squaredErrors(data, estimates);
+  double sum = 0;
+  for (double& w : weights) sum += w = w > 0 ? 1 / std::max(w, 1e-6) : 0;
+  for (double& w : weights) w = sum > 0 ? w / sum : 0;
+  return weights;
+}
+
+ProbeLayout placeOptimized(const PlacementInput& input) {
+  const int pool = integerOption(input, "pool", 0, 1000);
+  const double pool_share = numberOption(input, "pool_share", 0, 1);
+  const double relative = numberOption(input, "relative", 0, 1);
+  SearchSettings search;
+  search.proposals_a_probe = numberOption(input, "proposals", 0, 1e6);
+  search.swap_share = numberOption(input, "swaps", 0, 1);
+  const bool sweep = choiceOption(input, "start", {"sparse", "sparse_best"}) == 1;
+
+  const FreeSpace space(input);
+  const SceneDistance distance(*input.scene.geometry);
+  const ProbeLayout start = bestSparseLattice(input, sweep);
+  Training::Data& data = input.training.data();
+  const auto spacing = static_cast<float>(space.spacing(input.probes));
+  search.probes = input.probes;
+  search.spacing_m = spacing;
+  search.wall_gap_m = 0.02f * spacing;
+  const SubsetSettings settings = {.neighbours = integerOption(input, "k", 1, 15),
+                                   .bias_length_m = spacing,
+                                   .support_radius_m = kSupportSpacings * spacing,
+                                   .largest_reach_m = kReachSpacings * spacing};
+  const BakePlan plan = makeBakePlan(
+      input.params, static_cast<float>(input.params.distance_clamp) * settings.support_radius_m,
+      input.seed);
+  JudgedPoints judged = trainPoints(data);
+  if (pool > 0)
+    addPool(judged, data, plan,
+            {.points = pool * input.probes, .share = pool_share, .spacing_m = spacing}, input.seed);
+  const Objective objective = {
+      .state_weights = stateWeights(data, estimateLayout(data, start, input.params)),
+      .relative = relative};
+  SubsetModel model(data, judged, input.params, plan, settings, objective);
+  for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
+  data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed);
+  return scatterProbes(space, model.positions());
+}
+
+}  // namespace
+
+const Strategy kOptimizedStrategy = {
+    "optimized", "probes where they lower the error most at train receivers, under many lights",
+    scatteredOptions({
+        {"start", "sparse", "sparse | sparse_best", "the lattice to start from"},
+        {"proposals", "300", "0 .. 1e6", "moves and swaps tried for each probe"},
+        {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
+        {"pool", "50", "0 .. 1000", "candidates a probe that the set should make superfluous"},
+        {"pool_share", "0.6", "0 .. 1", "their share of the cost; train receivers have the rest"},
+        {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
+    }),
+    placeOptimized};
+
+}  // namespace probelab

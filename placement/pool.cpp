@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "placement/pool.h"
+
+#include <algorithm>
+
+#include "base/rng.h"
+#include "shared/octahedral.h"
+
+namespace probelab {
+namespace {
+
+constexpr float kNearest = 0.02f, kFarthest = 0.17f;  // of the spacing, off the wall
+
+// A place of free space near a wall, or anywhere, and a direction.
+Receiver poolPoint(const Training::Data& data, const Receiver& from, float spacing_m, Rng& rng) {
+  Receiver point = from;
+  point.kind = ReceiverKind::volume;
+  const float share = rng.nextFloat();
+  const Vec2f turn(rng.nextFloat(), rng.nextFloat());
+  if (from.kind == ReceiverKind::surface) {
+    float away = spacing_m * (kNearest + (kFarthest - kNearest) * share);
+    const Vec3f start = from.position + from.normal * (1e-4f * data.embree.extent());
+    const Hit hit = data.embree.closest(Ray{start, 0, from.normal, 2 * away});
+    if (hit.primitive != kNoHit) away = std::min(away, 0.5f * hit.t);
+    point.position = from.position + from.normal * away;
+    point.normal = cosineDirection(from.normal, 0, 1, turn);
+  }
+  point.view = -point.normal;
+  return point;
+}
+
+}  // namespace
+
+void addPool(JudgedPoints& judged, const Training::Data& data, const BakePlan& plan,
+             const PoolSettings& settings, uint64_t seed) {
+  const Receivers places = generateReceivers(data.scene, data.embree, data.reachability,
+                                             static_cast<uint32_t>(settings.points),
+                                             hashCounters(seed, RngStream::placement, 30));
+  Rng rng(seed, RngStream::placement, 31);
+  std::vector<Receiver> points;
+  std::vector<Vec3f> positions;
+  double area = 0;
+  for (const Receiver& place : places.points) {
+    points.push_back(poolPoint(data, place, settings.spacing_m, rng));
+    positions.push_back(points.back().position);
+    area += place.area;
+  }
+  const std::vector<BakedProbe> baked = bakeProbes(*data.patches, plan, positions);
+  const std::size_t states = data.stateCount();
+  for (Receiver& r : judged.points) r.area *= 1 - settings.share;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    points[i].area *= settings.share / area;
+    judged.points.push_back(points[i]);
+    const OctTaps<float> t = octTaps(points[i].normal, plan.irradiance_texels, 0);
+    for (std::size_t l = 0; l < states; ++l) {
+      const auto at = [&](int texel) {
+        return baked[i].mean_radiance[static_cast<std::size_t>(texel) * states + l];
+      };
+      judged.truth.push_back((at(t.texel_00) * (1 - t.fraction_x) + at(t.texel_10) * t.fraction_x) *
+                                 (1 - t.fraction_y) +
+                             (at(t.texel_01) * (1 - t.fraction_x) + at(t.texel_11) * t.fraction_x) *
+                                 t.fraction_y);
+    }
+  }
+}
+
+}  // namespace probelab
