@@ -14,7 +14,8 @@ namespace probelab {
 namespace {
 
 constexpr Interpolant kInterpolants[] = {Interpolant::lattice, Interpolant::knn,
-                                         Interpolant::tetrahedra, Interpolant::fitted};
+                                         Interpolant::tetrahedra, Interpolant::natural,
+                                         Interpolant::fitted};
 
 // Mean distance to the nearest others, at most kNeighbours of them: outwards along x until no
 // nearer one can follow.
@@ -93,6 +94,24 @@ void validateLatticePoints(const ProbeLayout& layout, const std::string& what) {
                  layout.positions.size());
 }
 
+// Weights that follow moved probes need every probe strictly between its lattice neighbours, also
+// after relocation.
+void checkOffsets(const ProbeLayout& layout, const Params& params) {
+  const double limit = 1 - (params.relocation != 0 ? params.relocation_limit : 0);
+  for (std::size_t i = 0; i < layout.probe_of_point.size(); ++i) {
+    if (layout.probe_of_point[i] < 0) continue;
+    const auto probe = static_cast<std::size_t>(layout.probe_of_point[i]);
+    const Vec3f share = (layout.positions[probe] - layout.lattice.position(static_cast<int>(i))) /
+                        layout.lattice.spacing;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (std::abs(static_cast<double>(share[axis])) >= limit)
+        throwInput(
+            "{}: probe {} lies {:.3g} spacings from its lattice point, must be below {:.3g} with "
+            "offset_weights; set offset_weights = false",
+            layout.strategy, probe, std::abs(share[axis]), limit);
+  }
+}
+
 }  // namespace
 
 const char* interpolantName(Interpolant interpolant) {
@@ -103,6 +122,8 @@ const char* interpolantName(Interpolant interpolant) {
       return "knn";
     case Interpolant::tetrahedra:
       return "tetrahedra";
+    case Interpolant::natural:
+      return "natural";
     case Interpolant::fitted:
       return "fitted";
   }
@@ -212,6 +233,8 @@ void validateLayout(const ProbeLayout& layout, const std::string& what) {
 
 void validateLayout(const ProbeLayout& layout, const Params& params) {
   validateLayout(layout, layout.strategy);
+  if (layout.interpolant == Interpolant::lattice && params.offset_weights != 0)
+    checkOffsets(layout, params);
   const uint64_t side = static_cast<uint64_t>(
       std::max(params.irradiance_texels, params.visibility ? params.moment_texels : 0));
   const std::size_t probes = layout.positions.size();

@@ -172,8 +172,28 @@ TEST(ScatteredLayout, ProbesInOnePlaceAreRefused) {
   EXPECT_THROW(validateLayout(layout, loadParams("rtxgi")), InputError);
 }
 
+// Where weights follow the probes, one on its neighbour's place would divide by nothing.
+TEST(LatticeLayout, ProbesStayBetweenTheirNeighboursWhereWeightsFollowThem) {
+  const Lattice lattice = makeLattice(kBox, Vec3i(5, 4, 3));
+  ProbeLayout layout = latticeLayout(lattice, kBox, std::vector<uint8_t>(60, 1));
+  Params params = loadParams("rtxgi");
+  params.relocation = 0;
+  layout.positions[7].y += 0.9f;
+  for (const bool follow : {false, true}) {
+    params.offset_weights = follow ? 1 : 0;
+    EXPECT_NO_THROW(validateLayout(layout, params));
+  }
+  params.relocation = 1;
+  EXPECT_THROW(validateLayout(layout, params), InputError);
+  params.relocation = 0;
+  layout.positions[7].y += 0.1f;
+  EXPECT_THROW(validateLayout(layout, params), InputError);
+  layout.positions[7].y = NAN;
+  EXPECT_THROW(validateLayout(layout, params), InputError);
+}
+
 TEST(ScatteredLayout, InterpolantsHaveNames) {
-  for (const char* name : {"lattice", "knn", "tetrahedra", "fitted"})
+  for (const char* name : {"lattice", "knn", "tetrahedra", "natural", "fitted"})
     EXPECT_STREQ(interpolantName(parseInterpolant(name)), name);
   EXPECT_THROW(parseInterpolant("knm"), InputError);
 }

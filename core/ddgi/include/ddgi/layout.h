@@ -20,6 +20,7 @@ enum class Interpolant {
   lattice,     // trilinear in the lattice's cell
   knn,         // the k nearest, falling to 0 at the support radius
   tetrahedra,  // barycentric in the Delaunay tetrahedron
+  natural,     // natural neighbours (Sibson), sampled
   fitted,      // fitted to path-traced irradiance at train receivers
 };
 const char* interpolantName(Interpolant interpolant);
