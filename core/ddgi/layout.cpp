@@ -107,7 +107,7 @@ void checkOffsets(const ProbeLayout& layout, const Params& params) {
       if (std::abs(static_cast<double>(share[axis])) >= limit)
         throwInput(
             "{}: probe {} lies {:.3g} spacings from its lattice point, must be below {:.3g} with "
-            "offset_weights; set offset_weights = false",
+            "offset_weights = \"moved\"; use \"lattice\"",
             layout.strategy, probe, std::abs(share[axis]), limit);
   }
 }

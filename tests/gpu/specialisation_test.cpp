@@ -2,6 +2,8 @@
 // A part that is switched off leaves no code in its shader: the SPIR-V without it is smaller.
 #include <gtest/gtest.h>
 
+#include <map>
+
 #include "ddgi/scene_buffers.h"
 #include "gpu/shader.h"
 
@@ -11,7 +13,7 @@ namespace {
 using Words = std::vector<uint32_t>;
 
 // resolve.comp.glsl with everything else as in the preset rtxgi.
-Words compileResolve(const std::string& name, const std::string& value) {
+Words compileResolve(const std::map<std::string, std::string>& changes) {
   Defines defines = {{"PL_FACING", "1"},
                      {"PL_TRILINEAR", "2"},
                      {"PL_VISIBILITY", "1"},
@@ -42,16 +44,28 @@ Words compileResolve(const std::string& name, const std::string& value) {
   for (const char* input : {"FIELD", "COUNTERS", "RADIANCE", "DISTANCES"})
     defines.emplace_back(std::string("BIND_") + input, std::to_string(binding++));
   for (auto& [key, text] : defines)
-    if (key == name) text = value;
+    if (const auto change = changes.find(key); change != changes.end()) text = change->second;
   return compileShader({"ddgi/resolve.comp.glsl", defines, {}});
 }
 
 TEST(Specialisation, SwitchedOffPartsOfTheQueryLeaveNoCode) {
-  const std::size_t full = compileResolve("", "").size();
+  const std::size_t full = compileResolve({}).size();
   for (const char* part :
        {"PL_FACING", "PL_VISIBILITY", "PL_CRUSH", "PL_FALLBACK", "PL_MOVED", "PL_OFFSET_WEIGHTS",
         "PL_MOMENT_ENCODING", "PL_RADIANCE_CLAMP", "PL_STORE_DISTANCES"})
-    EXPECT_LT(compileResolve(part, "0").size(), full) << part;
+    EXPECT_LT(compileResolve({{part, "0"}}).size(), full) << part;
+}
+
+// What only a lattice's query has makes no difference to a stage for scattered probes.
+TEST(Specialisation, StagesHoldOneInterpolant) {
+  const auto compile = [](const char* interpolant, const std::string& name) {
+    return compileResolve({{"PL_INTERPOLANT", interpolant}, {name, "0"}});
+  };
+  const Words scattered = compile("1", "");
+  for (const char* part : {"PL_MOVED", "PL_OFFSET_WEIGHTS", "PL_TRILINEAR"}) {
+    EXPECT_EQ(compile("1", part).size(), scattered.size()) << part;
+    EXPECT_LT(compile("0", part).size(), compile("0", "").size()) << part;
+  }
 }
 
 Words compileShade(const SceneFeatures& features) {
@@ -74,8 +88,8 @@ std::size_t loopCount(const Words& words) {
 
 // The query loops over the probes of a cell; nothing else in the stage loops.
 TEST(Specialisation, WithoutFeedbackThereIsNoQuery) {
-  EXPECT_GT(loopCount(compileResolve("", "")), 0u);
-  EXPECT_EQ(loopCount(compileResolve("PL_FEEDBACK", "0")), 0u);
+  EXPECT_GT(loopCount(compileResolve({})), 0u);
+  EXPECT_EQ(loopCount(compileResolve({{"PL_FEEDBACK", "0"}})), 0u);
 }
 
 TEST(Specialisation, FeaturesThatASceneLacksLeaveNoCode) {
