@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "base/parallel.h"
 #include "placement/barycentric.h"
@@ -13,6 +14,34 @@ namespace probelab {
 namespace {
 
 constexpr double kMaxCorners = 2e6;
+
+// Means of the normalised sets.
+std::vector<CornerWeight> meanWeights(const std::vector<std::vector<CornerWeight>>& sets) {
+  std::map<uint32_t, float> mean;
+  for (const auto& set : sets) {
+    float sum = 0;
+    for (const CornerWeight& w : set) sum += w.weight;
+    if (!(sum > 0)) continue;
+    for (const CornerWeight& w : set)
+      mean[w.probe] += w.weight / (sum * static_cast<float>(sets.size()));
+  }
+  std::vector<CornerWeight> weights;
+  for (const auto& [probe, weight] : mean) weights.push_back({probe, weight});
+  return weights;
+}
+
+// Calls fill(corner, its viewpoints) for every corner that has any.
+template <class Fill>
+void forCorners(const Lattice& corners, const FreeSpace& space, const Fill& fill) {
+  parallelFor(static_cast<std::size_t>(corners.pointCount()), 64,
+              [&](std::size_t begin, std::size_t end) {
+                for (std::size_t i = begin; i < end; ++i) {
+                  const std::vector<Vec3f> from = viewpoints(corners, i, space);
+                  if (!from.empty()) fill(i, from);
+                }
+              });
+}
+
 }  // namespace
 
 Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_spacing) {
@@ -22,7 +51,7 @@ Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_sp
   for (;; cell *= 1.05) {
     double total = 1;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const double cells = std::clamp(std::round(edge[axis] / cell), 1.0, kMaxCorners);
+      const double cells = std::clamp(std::round(edge[axis] / cell), 2.0, kMaxCorners);
       count[axis] = static_cast<int>(cells) + 1;
       total *= count[axis];
     }
@@ -30,20 +59,40 @@ Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_sp
   }
 }
 
+std::vector<Vec3f> viewpoints(const Lattice& corners, std::size_t corner, const FreeSpace& space) {
+  const Vec3f p = corners.position(static_cast<int>(corner));
+  if (space.usable(p)) return {p};
+  std::vector<Vec3f> places;
+  for (int k = 0; k < 8; ++k) {
+    const Vec3f octant(k & 1 ? 0.25f : -0.25f, k & 2 ? 0.25f : -0.25f, k & 4 ? 0.25f : -0.25f);
+    const Vec3f place = p + octant * corners.spacing;
+    if (space.usable(place)) places.push_back(place);
+  }
+  return places;
+}
+
+std::vector<CornerWeight> knnFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
+                                  const FreeSpace& space, const std::vector<Vec3f>& from,
+                                  const CornerSettings& settings) {
+  const auto k = static_cast<std::size_t>(settings.k);
+  std::vector<NearProbe> visible;
+  std::vector<std::vector<CornerWeight>> sets;
+  for (const Vec3f& place : from) {
+    visibleProbes(probes, positions, space, place, k + 1, settings.visibility, visible);
+    sets.push_back(kernelWeights(visible, k));
+  }
+  return sets.size() == 1 ? sets[0] : meanWeights(sets);
+}
+
 CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                          const FreeSpace& space, const CornerSettings& settings) {
   const NearestProbes probes(positions);
-  const auto k = static_cast<std::size_t>(settings.k);
   CornerWeights weights(static_cast<std::size_t>(corners.pointCount()));
-  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearProbe> visible;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3f corner = corners.position(static_cast<int>(i));
-      if (!space.usable(corner)) continue;
-      visibleProbes(probes, positions, space, corner, k + 1, settings.visibility, visible);
-      weights[i] = kernelWeights(visible, k);
-    }
+  forCorners(corners, space, [&](std::size_t i, const std::vector<Vec3f>& from) {
+    weights[i] = knnFrom(probes, positions, space, from, settings);
   });
+  if (std::ranges::all_of(weights, [](const auto& at) { return at.empty(); }))
+    for (auto& at : weights) at = knnFrom(probes, positions, space, {space.roomiest()}, settings);
   return weights;
 }
 
@@ -53,24 +102,19 @@ CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>
   CornerWeights weights = barycentricWeights(corners, positions);
   if (!settings.visibility) return weights;
   const NearestProbes probes(positions);
-  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearProbe> visible;
-    for (std::size_t i = begin; i < end; ++i) {
-      const Vec3f corner = corners.position(static_cast<int>(i));
-      if (!space.usable(corner)) {
-        weights[i].clear();
-        continue;
-      }
-      std::erase_if(weights[i], [&](const CornerWeight& w) {
-        return !seesPlace(space.input().embree, positions[w.probe], corner);
-      });
-      if (!weights[i].empty()) continue;
-      visibleProbes(probes, positions, space, corner, static_cast<std::size_t>(settings.k) + 1,
-                    true, visible);
-      weights[i] = kernelWeights(visible, static_cast<std::size_t>(settings.k));
-    }
+  const EmbreeScene& embree = space.input().embree;
+  CornerWeights seen(weights.size());
+  forCorners(corners, space, [&](std::size_t i, const std::vector<Vec3f>& from) {
+    seen[i] = std::move(weights[i]);
+    std::erase_if(seen[i], [&](const CornerWeight& w) {
+      return std::ranges::none_of(
+          from, [&](const Vec3f& p) { return seesPlace(embree, positions[w.probe], p); });
+    });
+    if (seen[i].empty()) seen[i] = knnFrom(probes, positions, space, from, settings);
   });
-  return weights;
+  if (std::ranges::all_of(seen, [](const auto& at) { return at.empty(); }))
+    return barycentricWeights(corners, positions);
+  return seen;
 }
 #endif
 

@@ -31,14 +31,15 @@ void checkProbes(const PlacementInput& input, const std::string& path,
                positions.size(), input.probes, positions.size());
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const Vec3d world = toWorld(input.scene, positions[i]);
-    if (isInsideSolid(input.scene, input.embree, positions[i]) && !isUsable(input, positions[i]))
+    if (isUsable(input, positions[i])) continue;
+    if (input.scene.bounds.contains(positions[i]) &&
+        isInsideSolid(input.scene, input.embree, positions[i]))
       throwInput("{}: probe {} at ({:g}, {:g}, {:g}) lies inside solid geometry; move it out", path,
                  i, world.x, world.y, world.z);
-    if (!isUsable(input, positions[i]))
-      throwInput(
-          "{}: probe {} at ({:g}, {:g}, {:g}) lies outside the volume or where no camera or "
-          "receiver seed reaches; move it",
-          path, i, world.x, world.y, world.z);
+    throwInput(
+        "{}: probe {} at ({:g}, {:g}, {:g}) lies outside the volume or where no camera or "
+        "receiver seed reaches; move it",
+        path, i, world.x, world.y, world.z);
   }
 }
 

@@ -92,15 +92,12 @@ CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& p
       else
         same->weight += 1;
     }
-  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
-    std::vector<NearProbe> nearest;
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!usable[i] || !weights[i].empty()) continue;
-      visibleProbes(probes, positions, space, corners.position(static_cast<int>(i)), 1,
-                    settings.visibility, nearest);
-      weights[i].push_back({nearest.front().index, 1});
-    }
-  });
+  CornerSettings nearest = settings;
+  nearest.k = 1;
+  const CornerWeights others = knnWeights(corners, positions, space, nearest);
+  const CornerWeights walls = knnWeights(corners, positions, space, settings);
+  for (std::size_t i = 0; i < weights.size(); ++i)
+    if (weights[i].empty()) weights[i] = usable[i] ? others[i] : walls[i];
   return weights;
 }
 

@@ -37,6 +37,7 @@ ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
   if (choice == 0) {
     weights = knnWeights(corners, positions, space, settings);
   } else if (choice == 1) {
+    interpolant = Interpolant::natural;
     weights = naturalWeights(corners, positions, space, settings);
 #ifdef PROBELAB_WITH_CGAL
   } else {

@@ -8,10 +8,11 @@
 
 #include "ddgi/influence.h"
 #include "placement/free_space.h"
+#include "placement/nearest_probes.h"
 
 namespace probelab {
 
-// A corner grid over a box: cells of about spacing / cells_per_spacing, at least 2 corners an axis
+// A corner grid over a box: cells of about spacing / cells_per_spacing, at least 3 corners an axis
 // and at most 2 M in all.
 Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_spacing = 2);
 
@@ -20,14 +21,24 @@ struct CornerSettings {
   bool visibility = true;  // only probes that the corner sees
 };
 
+// The places that stand for a corner: itself if it is usable, else the usable ones among the
+// middles of the eight octants around it, half-way to the voxels' middles: a corner in a wall
+// serves the voxels on both sides. Empty where there is no free space near it.
+std::vector<Vec3f> viewpoints(const Lattice& corners, std::size_t corner, const FreeSpace& space);
+
 // At each corner the k nearest visible probes with (1 - d / r)^2, r the distance of the (k+1)-th
 // visible one: so a weight has fallen to 0 when its probe leaves the set, and moving over the
 // corners the set changes without a jump. Where no more than k are visible (a small room, a small
-// N) none ever leaves by distance, and r is twice the farthest one's. Corners that are inside
-// solid geometry or not reachable are left empty; a usable corner that sees none of the 256 nearest
-// probes takes the nearest ones regardless.
+// N) none ever leaves by distance, and r is twice the farthest one's. A place that sees none of the
+// 256 nearest probes takes the nearest ones regardless. Of several viewpoints the mean counts;
+// corners without one are left empty.
 CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                          const FreeSpace& space, const CornerSettings& settings);
+
+// The same for one corner with these viewpoints.
+std::vector<CornerWeight> knnFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
+                                  const FreeSpace& space, const std::vector<Vec3f>& from,
+                                  const CornerSettings& settings);
 
 // Barycentric in the Delaunay tetrahedron around the corner; outside the hull, those of the
 // closest point on it. Coplanar probes are triangulated, collinear ones chained; coinciding ones
@@ -40,7 +51,8 @@ CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>
 // TVCG 12(2), 2006): each sample of free space that lies nearer to the corner than to the nearest
 // probe that it sees counts for that probe: the volume that the corner would take from it. With
 // `visibility` a sample counts only at corners that it sees. Samples are a grid of
-// 4^3 points a voxel. Corners at a probe, where there is nothing to take, have that probe alone.
+// 4^3 points a voxel. Corners at a probe, where there is nothing to take, have that probe alone;
+// corners that are not usable themselves their knn weights.
 CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                              const FreeSpace& space, const CornerSettings& settings);
 

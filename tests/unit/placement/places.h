@@ -30,7 +30,7 @@ struct Place {
   Scene scene;
   EmbreeScene embree;
   Reachability reachability;
-  Params params;
+  Params params = loadParams("probelab");
   Training training;
 };
 
