@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/placement.py: runs what is missing, keeps what is done, reports from rows alone."""
+import json
+import math
+import subprocess
+import sys
+import unittest
+
+from support import CliTest, PROGRAM, SOURCE
+
+sys.path.insert(0, str(SOURCE / "scripts"))
+import placement_report  # noqa: E402
+
+STUDY = """
+receivers = 64
+rel_error = 0.2
+params = "classic"
+rays = 16
+updates = 2
+seeds = [1, 2]
+probes = [8]
+scenes = ["scenes/corridor_l/scene.toml"]
+[[layout]]
+name = "grid"
+strategy = "grid"
+[[layout]]
+name = "scattered"
+strategy = "jittered"
+ours = true
+[retraining]
+layouts = ["scattered"]
+"""
+
+
+class PlacementStudy(CliTest):
+    def setUp(self):
+        super().setUp()
+        self.results = self.folder / "results"
+        (self.folder / "study.toml").write_text(STUDY)
+
+    def study(self, *options):
+        return subprocess.run(
+            [sys.executable, SOURCE / "scripts/placement.py", "--study", self.folder / "study.toml",
+             "--program", PROGRAM, "--results", self.results, "--cache", self.folder / "cache",
+             *options], capture_output=True, text=True, timeout=300)
+
+    def rows(self):
+        return [json.loads(line) for line in (self.results / "rows.jsonl").read_text().splitlines()]
+
+    def test_runs_are_kept_and_go_on(self):
+        first = self.study("--seeds", "1", "--parts", "main")
+        self.assertEqual(first.returncode, 0, first.stderr)
+        rows = self.rows()
+        # Two layouts under two train states and a held-out one.
+        self.assertEqual(len(rows), 6)
+        self.assertEqual([r["lights"] for r in rows].count("heldout"), 2)
+        for row in rows:
+            error, product = map(sum, zip(*row["blocks"].values()))
+            self.assertAlmostEqual(math.sqrt(max(0, error) / product), row["nrmse"],
+                                   delta=1e-3 * row["nrmse"])
+        with open(self.results / "rows.jsonl", "a") as file:
+            file.write('{"scene": "cut sho')
+        second = self.study("--jobs", "2")
+        self.assertEqual(second.returncode, 0, second.stderr)
+        kept = placement_report.load_rows(self.results)
+        # Two seeds, and the second layout at the receivers of the first.
+        self.assertEqual(len(kept), 6 + 6 + 3)
+        self.assertEqual(kept[:6], rows)
+        for words in ("## scattered against the best baseline: held-out lights, N = 8",
+                      "| corridor_l", "## Retraining"):
+            self.assertIn(words, second.stdout)
+        published = self.folder / "published"
+        report = self.study("--report", "--publish", published)
+        self.assertEqual(report.stdout.splitlines()[:-1], second.stdout.splitlines()[:-1])
+        self.results = published
+        again = self.study("--report")
+        self.assertEqual(again.stdout.splitlines()[:-1], second.stdout.splitlines()[:-1])
+
+    def test_a_failure_is_named_and_leaves_the_others(self):
+        (self.folder / "study.toml").write_text(
+            STUDY.replace('strategy = "jittered"', 'strategy = "jittered"\noptions = ["jitter=9"]'))
+        result = self.study("--seeds", "1", "--parts", "main")
+        self.assertEqual(result.returncode, 1)
+        self.assertEqual({r["layout"] for r in self.rows()}, {"grid"})
+        self.assertIn("failed: corridor_l_scattered_8_1: probelab: --option jitter=9",
+                      result.stderr)
+
+    def test_usage(self):
+        for options, word in ((("--parts", "mian"), "mian"), (("--strategies", "girds"), "girds"),
+                              (("--scenes", "nowhere"), "nowhere"), (("--jobs", "0"), "--jobs")):
+            result = self.study(*options)
+            self.assertEqual(result.returncode, 2, options)
+            self.assertIn(word, result.stderr)
+        (self.folder / "study.toml").write_text(STUDY.replace("rel_error", "error"))
+        self.assertIn("rel_error", self.study().stderr)
+        (self.folder / "study.toml").write_text(STUDY)
+        self.assertEqual(self.study("--report").returncode, 2)
+
+
+def row(layout, errors, seed=1, lights="same", probes=8, **more):
+    """Blocks with these squared errors relative to a truth of 1 in all."""
+    blocks = {str(i): [e, 1 / len(errors)] for i, e in enumerate(errors)}
+    return {"scene": "s", "layout": layout, "probes": probes, "layout_seed": seed, "seed": seed,
+            "state": lights, "lights": lights, "settings": "x", "blocks": blocks,
+            "nrmse": math.sqrt(sum(errors)), "light_leak": 0.1, "smape": 0.2,
+            "floors": {"light_leak": 0.01}, **more}
+
+
+class Report(unittest.TestCase):
+    STUDY = {"layout": [{"name": "a"}, {"name": "b"}, {"name": "ours", "ours": True}],
+             "probes": [8]}
+
+    def test_ratio_of_root_mean_squares(self):
+        # sqrt((0.16 + 0.04) / (0.01 + 0.04)) = 2 in every replicate: the same in each block.
+        first, second = [{"0": 0.08, "1": 0.08}, {"0": 0.02, "1": 0.02}], None
+        second = [{k: v / 4 for k, v in blocks.items()} for blocks in first]
+        ratio, drawn = placement_report.paired_ratios(first, second)
+        self.assertAlmostEqual(ratio, 2)
+        self.assertEqual(len(drawn), placement_report.REPLICATES)
+        self.assertAlmostEqual(min(drawn), 2)
+        self.assertAlmostEqual(max(drawn), 2)
+
+    def test_interval_is_that_of_the_blocks(self):
+        # One block of 100 rules: it is drawn in 63 % of replicates, none of it in the others.
+        first = [{str(i): 1.0 if i == 0 else 0.01 for i in range(100)}]
+        second = [{str(i): 0.01 for i in range(100)}]
+        low, high = placement_report.percentiles(placement_report.paired_ratios(first, second)[1])
+        self.assertAlmostEqual(low, 1)
+        self.assertAlmostEqual(high, math.sqrt(1 + 3 * 0.99))  # drawn three times
+
+    def test_the_best_baseline_is_that_of_the_column(self):
+        rows = [row("a", [0.04]), row("b", [0.09]), row("ours", [0.01]),
+                row("a", [0.09], lights="heldout"), row("b", [0.04], lights="heldout"),
+                row("ours", [0.01], lights="heldout")]
+        tables = placement_report.Tables(self.STUDY, rows)
+        for lights, best in (("same", "a"), ("heldout", "b")):
+            table, summary = tables.comparison("ours", 8, lights)
+            self.assertEqual(table[1][:6], ["s", "1", best, "0.200", "0.100", "2.00"])
+            self.assertEqual(summary[4], "2.00")
+
+    def test_a_baseline_without_all_seeds_is_no_candidate(self):
+        rows = [row("a", [0.04]), row("b", [0.09]), row("b", [0.09], seed=2),
+                row("ours", [0.01]), row("ours", [0.01], seed=2)]
+        table, _ = placement_report.Tables(self.STUDY, rows).comparison("ours", 8, "same")
+        self.assertEqual(table[1][2], "b")
+
+    def test_a_leak_below_the_noise_counts_as_noise(self):
+        self.assertEqual(placement_report.error_ratio(0.2, 0.001, 0.1), 2)
+        self.assertEqual(placement_report.error_ratio(0.02, 0.2, 0.1), 0.5)
+        self.assertIsNone(placement_report.error_ratio(0.02, 0.03, 0.1))
+
+    def test_the_budget_that_meets_an_error(self):
+        points = [(64, 0.8), (256, 0.4), (1024, 0.2)]  # error = 6.4 / sqrt(N)
+        self.assertEqual(placement_report.meets(points, 0.9), (64, "<="))
+        budget, sign = placement_report.meets(points, 0.5657)
+        self.assertAlmostEqual(budget, 128, delta=0.1)
+        self.assertEqual(sign, "")
+        self.assertEqual(placement_report.meets(points, 0.1), (None, ">1024"))
+        self.assertAlmostEqual(placement_report.slope(points), -0.5)
+
+
+if __name__ == "__main__":
+    unittest.main()
