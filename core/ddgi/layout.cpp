@@ -17,14 +17,20 @@ constexpr Interpolant kInterpolants[] = {Interpolant::lattice, Interpolant::knn,
                                          Interpolant::tetrahedra, Interpolant::natural,
                                          Interpolant::fitted};
 
-// Mean distance to the nearest others, at most kNeighbours of them: outwards along x until no
-// nearer one can follow.
+// Mean distance to the nearest others, at most kNeighbours of them: outwards along the longest axis
+// until no nearer one can follow.
 constexpr std::size_t kNeighbours = 6;
 std::vector<float> meanNeighbourDistances(const std::vector<Vec3f>& positions) {
+  Box3f box;
+  for (const Vec3f& p : positions) box.extend(p);
+  std::size_t axis = 0;
+  for (const std::size_t other : {1, 2})
+    if (box.extent()[other] > box.extent()[axis]) axis = other;
   std::vector<std::size_t> order(positions.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return positions[a].x < positions[b].x; });
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return positions[a][axis] < positions[b][axis];
+  });
   std::vector<float> means(positions.size(), 0);
   const std::size_t wanted = std::min(kNeighbours, positions.size() - 1);
   if (wanted == 0) return means;
@@ -32,7 +38,7 @@ std::vector<float> meanNeighbourDistances(const std::vector<Vec3f>& positions) {
     for (std::size_t at = begin; at < end; ++at) {
       const Vec3f& p = positions[order[at]];
       std::vector<float> nearest;  // ascending, at most `wanted`
-      // Whether a farther one along x may still count.
+      // Whether a farther one along the axis may still count.
       const auto take = [&](std::size_t other) {
         const Vec3f& q = positions[order[other]];
         const float d = length(q - p);
@@ -40,7 +46,7 @@ std::vector<float> meanNeighbourDistances(const std::vector<Vec3f>& positions) {
           if (nearest.size() == wanted) nearest.pop_back();
           nearest.insert(std::upper_bound(nearest.begin(), nearest.end(), d), d);
         }
-        return nearest.size() < wanted || std::abs(q.x - p.x) < nearest.back();
+        return nearest.size() < wanted || std::abs(q[axis] - p[axis]) < nearest.back();
       };
       for (std::size_t i = at; i-- > 0;)
         if (!take(i)) break;

@@ -19,15 +19,6 @@ uint32_t sharedBytesPerRay(bool is_irradiance) { return is_irradiance ? 28 : 16;
 
 }  // namespace
 
-const Lattice& textbookLattice(const ProbeLayout& layout) {
-  if (layout.interpolant != Interpolant::lattice)
-    throwInput(
-        "{}: the textbook pipeline reads lattices only, this layout's interpolant is '{}'; use a "
-        "lattice, such as strategy grid",
-        layout.strategy, interpolantName(layout.interpolant));
-  return layout.lattice;
-}
-
 TextbookField::TextbookField(GpuContext& context, const Lattice& lattice,
                              const TextbookSettings& settings)
     : context_(context), lattice_(lattice), settings_(settings), commands_(context, 3) {

@@ -40,10 +40,6 @@ struct TextbookBlendTime {
   double irradiance_ms = 0, moments_ms = 0;
 };
 
-// The lattice of a layout. Throws InputError when its probes are scattered: the published pipeline
-// knows lattices only.
-const Lattice& textbookLattice(const ProbeLayout& layout);
-
 class TextbookField {
  public:
   // A field of zeroes. `context` must outlive it. DeviceError when the lattice's images exceed the
