@@ -282,14 +282,20 @@ class Tables:
             key = (row["layout"], row["probes"], row["scene"], row["lights"], row["seed"])
             by.setdefault(key, {}).setdefault(row["layout_seed"], []).append(row["nrmse"])
         table = [["layout", "N", "scene", "lights", "seeds", "nrmse", "deviation", "largest"]]
+        deviations = {}
         for (name, n, scene, lights, _), seeds in sorted(by.items()):
             if len(seeds) < 2:
                 continue
             errors = [math.sqrt(statistics.fmean(e * e for e in of)) for of in seeds.values()]
             middle = statistics.fmean(errors)
+            moved = (statistics.stdev(errors) / middle,
+                     max(abs(e - middle) for e in errors) / middle)
+            deviations.setdefault((name, n, lights), []).append(moved)
             table.append([name, str(n), scene, LIGHTS[lights], str(len(seeds)), number(middle),
-                          percent(statistics.stdev(errors) / middle),
-                          percent(max(abs(e - middle) for e in errors) / middle)])
+                          *map(percent, moved)])
+        for (name, n, lights), of in deviations.items():
+            table.append([name, str(n), "mean", LIGHTS[lights], "", "",
+                          *(percent(statistics.fmean(values)) for values in zip(*of))])
         return table if len(table) > 1 else None
 
 
