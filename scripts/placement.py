@@ -21,7 +21,9 @@ import threading
 import tomllib
 
 from overview import ROOT, Progress, scene_name
-from placement_report import load_rows, report, write_figure
+from placement_figure import write_figure
+from placement_report import report
+from placement_rows import load_rows
 
 PARTS = ["main", "curves", "retraining"]
 KEY = ["scene", "layout", "probes", "layout_seed", "state", "seed", "settings"]
@@ -31,7 +33,7 @@ BLOCKS_PER_DIAGONAL = 16  # as the train and held-out blocks
 
 
 def lighting_states(scene):
-    """{state: "same" or "heldout"} of a scene TOML; a scene without states has its one as "same"."""
+    """{state: "same" or "heldout"} of a scene TOML; one without states has its one as "same"."""
     states = tomllib.loads((ROOT / scene).read_text()).get("state", [])
     return {s["name"]: "heldout" if s.get("split") == "heldout" else "same"
             for s in states} or {"": "same"}
@@ -177,7 +179,7 @@ class Study:
             self.progress.show(name)
         try:
             layout = self.folder / "layouts" / f"{name}.json"
-            options = [word for o in group["layout"].get("options", []) for word in ("--option", o)]
+            options = [w for o in group["layout"].get("options", []) for w in ("--option", o)]
             placed = self.run("place", group["scene"], "--strategy", group["layout"]["strategy"],
                               "--probes", group["probes"], *options, "-o",
                               os.path.relpath(layout), "--params", self.study["params"],
@@ -288,7 +290,7 @@ def narrow(study, options, parser):
     return study
 
 
-def parse():
+def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--study", type=pathlib.Path,
                         default=ROOT / "experiments/studies/placement.toml")
@@ -304,7 +306,7 @@ def parse():
     parser.add_argument("--probes", help="these budgets, 128,512")
     parser.add_argument("--strategies", help="only these rows of the study, by name")
     parser.add_argument("--jobs", type=int, default=1,
-                        help="commands at a time; times mean little with more than one (default: 1)")
+                        help="commands at a time; times mean little beyond one (default: 1)")
     parser.add_argument("--redo", help="forget the results of these rows of the study first, a,b")
     parser.add_argument("--report", action="store_true",
                         help="run nothing: the tables from the results that are there")
@@ -312,6 +314,11 @@ def parse():
                         const=ROOT / "results/published/placement",
                         help="copy report, figure and rows (default: results/published/placement)")
     parser.add_argument("--device", help="Vulkan device, see 'probelab info'")
+    return parser
+
+
+def parse():
+    parser = arguments()
     options = parser.parse_args()
     if options.jobs < 1:
         parser.error("--jobs must be 1 or more")

@@ -1,117 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables and the figure of scripts/placement.py, from the rows that its runs left.
-
-A row's `blocks` hold, by block of held-out receivers, the sums of a (E-A)(E-B) and a A B; all
-errors and intervals come from them. Standard library; the figure needs matplotlib.
-"""
-import gzip
-import json
+"""The tables of scripts/placement.py, from the rows that its runs left. Standard library only."""
 import math
-import random
 import statistics
 
 from pipeline_report import aligned, geometric_mean, mean, number
+from placement_rows import Results, paired_ratios, percentiles
 
 LIGHTS = {"heldout": "held-out lights", "same": "same lights"}
-REPLICATES = 2000
-
-
-def load_rows(folder):
-    """The rows of rows.jsonl, or of rows.jsonl.gz; the last of a key counts. A line that a kill cut
-    short is left out."""
-    rows = {}
-    packed, plain = folder / "rows.jsonl.gz", folder / "rows.jsonl"
-    if plain.exists():
-        text = plain.read_text()
-    elif packed.exists():
-        text = gzip.decompress(packed.read_bytes()).decode()
-    else:
-        return []
-    for line in text.splitlines():
-        try:
-            row = json.loads(line)
-        except ValueError:
-            continue
-        rows[tuple(row[k] for k in ("scene", "layout", "probes", "layout_seed", "state", "seed",
-                                    "settings"))] = row
-    return list(rows.values())
-
-
-class Results:
-    """Rows of layouts that were made and scored with the same seed, by what the tables ask for."""
-
-    def __init__(self, rows):
-        self.rows, self.found = rows, {}
-        for row in rows:
-            if row["seed"] == row["layout_seed"]:
-                key = (row["scene"], row["layout"], row["probes"], row["lights"])
-                self.found.setdefault(key, {}).setdefault(row["seed"], []).append(row)
-        states = {}
-        for row in rows:
-            states.setdefault((row["scene"], row["lights"]), set()).add(row["state"])
-        for (scene, _, _, lights), seeds in self.found.items():
-            for seed in [s for s, of in seeds.items() if len(of) < len(states[scene, lights])]:
-                del seeds[seed]  # not all of its states are done
-
-    def seeds(self, *key):
-        return set(self.found.get(key, {}))
-
-    def of(self, key, seeds):
-        return [row for seed in sorted(seeds) for row in self.found[key][seed]]
-
-    def squares(self, key, seeds):
-        """[seed] of {block: squared error relative to the truth, mean over states}."""
-        result = []
-        for seed in sorted(seeds):
-            blocks, rows = {}, self.found[key][seed]
-            for row in rows:
-                product = sum(p for _, p in row["blocks"].values())
-                for block, (error, _) in row["blocks"].items():
-                    blocks[block] = blocks.get(block, 0) + error / product / len(rows)
-            result.append(blocks)
-        return result
-
-    def nrmse(self, key, seeds):
-        """Root of the mean over seeds and states of nrmse^2."""
-        squares = [sum(blocks.values()) for blocks in self.squares(key, seeds)]
-        return math.sqrt(max(0.0, statistics.fmean(squares)))
-
-
-def dense(squares, names):
-    return [[blocks.get(name, 0.0) for name in names] for blocks in squares]
-
-
-def draws(seeds, blocks):
-    """REPLICATES times: how often each seed and which blocks are drawn, with replacement."""
-    generator = random.Random(1)
-    for _ in range(REPLICATES):
-        yield ([generator.randrange(seeds) for _ in range(seeds)],
-               generator.choices(range(blocks), k=blocks))
-
-
-def percentiles(values):
-    values = sorted(values)
-    return values[int(0.025 * (len(values) - 1))], values[math.ceil(0.975 * (len(values) - 1))]
-
-
-def bootstrap_sums(squares, names):
-    """[replicate] sums of [seed][block] under the same draws for everything of the same shape."""
-    table = dense(squares, names)
-    sums = []
-    for drawn_seeds, drawn_blocks in draws(len(table), len(names)):
-        per_seed = {s: sum(map(table[s].__getitem__, drawn_blocks)) for s in set(drawn_seeds)}
-        sums.append(sum(per_seed[s] for s in drawn_seeds))
-    return sums
-
-
-def paired_ratios(first, second):
-    """Ratio of nrmse, and its replicates by a paired bootstrap over blocks and seeds; undefined
-    replicates are infinite."""
-    names = sorted({name for blocks in first + second for name in blocks})
-    totals = [sum(sum(b.values()) for b in squares) for squares in (first, second)]
-    ratio = math.sqrt(max(0.0, totals[0]) / totals[1]) if totals[1] > 0 else math.inf
-    return ratio, [math.sqrt(max(0.0, a) / b) if b > 0 else math.inf
-                   for a, b in zip(bootstrap_sums(first, names), bootstrap_sums(second, names))]
 
 
 def interval(low_high):
@@ -132,6 +27,7 @@ class Tables:
         self.names = [row["name"] for row in study["layout"]]
         self.scenes = list(dict.fromkeys(row["scene"] for row in rows))
         self.null = study.get("null_scenes", [])
+        self.against = [n for n in study.get("against", []) if n in self.names]
 
     def budgets(self):
         return sorted({key[2] for key in self.results.found
@@ -144,52 +40,60 @@ class Tables:
                   and seeds and seeds <= self.results.seeds(scene, name, probes, lights)}
         return min(errors.items(), key=lambda item: item[1]) if errors else (None, None)
 
+    def against_best(self, ours, scene, probes, lights):
+        """A scene's part of a comparison; None without a baseline of the same seeds."""
+        key = (scene, ours, probes, lights)
+        seeds = self.results.seeds(*key)
+        name, error = self.best_baseline(scene, probes, lights, seeds)
+        if name is None:
+            return None
+        base, own = (scene, name, probes, lights), self.results.nrmse(key, seeds)
+        ratio, drawn = paired_ratios(self.results.squares(base, seeds),
+                                     self.results.squares(key, seeds))
+        base_rows, rows = self.results.of(base, seeds), self.results.of(key, seeds)
+        leak = error_ratio(mean([r["light_leak"] for r in base_rows]),
+                           mean([r["light_leak"] for r in rows]),
+                           mean([r["floors"]["light_leak"] for r in rows]))
+        smape = mean([r["smape"] for r in base_rows]) / mean([r["smape"] for r in rows])
+        others = [(scene, n, probes, lights) for n in self.against]
+        return {"cells": [scene, str(len(seeds)), name, number(error), number(own)],
+                "ratio": ratio, "drawn": drawn, "leak": leak, "smape": smape,
+                "over": [self.results.nrmse(other, seeds) / own
+                         if seeds <= self.results.seeds(*other) else None for other in others]}
+
     def comparison(self, ours, probes, lights):
         """A row a scene: ours against its best baseline; and the row of the summary."""
-        against = [n for n in ("grid", "relocated_enclosing") if n in self.names]
         table = [["scene", "seeds", "best baseline", "nrmse", ours, "ratio", "95 %", "light leak",
-                  "smape", *(f"over {n}" for n in against)]]
-        ratios, replicates, leaks, smapes = {}, [], [], {}
-        others = {n: [] for n in against}
+                  "smape", *(f"over {n}" for n in self.against)]]
+        counted = {}
         for scene in self.scenes:
-            key = (scene, ours, probes, lights)
-            seeds = self.results.seeds(*key)
-            name, error = self.best_baseline(scene, probes, lights, seeds)
-            if name is None:
+            found = self.against_best(ours, scene, probes, lights)
+            if not found:
                 continue
-            base = (scene, name, probes, lights)
-            ratio, drawn = paired_ratios(self.results.squares(base, seeds),
-                                         self.results.squares(key, seeds))
-            base_rows, our_rows = self.results.of(base, seeds), self.results.of(key, seeds)
-            average = {k: [mean([r[k] for r in rows]) for rows in (base_rows, our_rows)]
-                       for k in ("light_leak", "smape")}
-            leak = error_ratio(*average["light_leak"],
-                               mean([r["floors"]["light_leak"] for r in our_rows]))
-            smape = average["smape"][0] / average["smape"][1]
-            row = [scene, str(len(seeds)), name, number(error),
-                   number(self.results.nrmse(key, seeds)), number(ratio),
-                   interval(percentiles(drawn)), number(leak), number(smape)]
-            for n in against:
-                other = (scene, n, probes, lights)
-                value = (self.results.nrmse(other, seeds) / self.results.nrmse(key, seeds)
-                         if seeds <= self.results.seeds(*other) else None)
-                row.append(number(value))
-                if scene not in self.null:
-                    others[n].append(value)
-            table.append(row)
+            table.append([*found["cells"], number(found["ratio"]),
+                          interval(percentiles(found["drawn"])), number(found["leak"]),
+                          number(found["smape"]), *map(number, found["over"])])
             if scene not in self.null:
-                ratios[scene], smapes[scene] = ratio, smape
-                replicates.append(drawn)
-                leaks.append(leak)
-        if not ratios:
+                counted[scene] = found
+        if not counted:
             return None, None
-        means = [geometric_mean(list(of)) or 0.0 for of in zip(*replicates)]
-        middle = [number(geometric_mean(ratios.values())), interval(percentiles(means)),
-                  number(geometric_mean(leaks)), number(geometric_mean(smapes.values()))]
+
+        def middle_of(name):
+            return number(geometric_mean([f[name] for f in counted.values()]))
+
+        def least(name):
+            scene = min(counted, key=lambda s: counted[s][name])
+            return f"{number(counted[scene][name])} {scene}"
+
+        drawn = [geometric_mean(list(of)) or 0.0
+                 for of in zip(*(f["drawn"] for f in counted.values()))]
+        middle = [middle_of("ratio"), interval(percentiles(drawn)), middle_of("leak"),
+                  middle_of("smape")]
         table.append(["geometric mean", "", "", "", "", *middle,
-                      *(number(geometric_mean(others[n])) for n in against)])
-        worst = [f"{number(of[s])} {s}" for of in (ratios, smapes) for s in [min(of, key=of.get)]]
-        return table, [ours, LIGHTS[lights], str(probes), str(len(ratios)), *middle, *worst]
+                      *(number(geometric_mean(list(of)))
+                        for of in zip(*(f["over"] for f in counted.values())))])
+        return table, [ours, LIGHTS[lights], str(probes), str(len(counted)), *middle,
+                       least("ratio"), least("smape")]
 
     def errors(self, probes, lights):
         """nrmse of every layout, a row a scene."""
@@ -355,11 +259,11 @@ def comparison_sections(tables):
         without = (f" {', '.join(tables.null)} is left out of the geometric means."
                    if tables.null else "")
         parts.append(
-            "Held-out receivers. nrmse: root of the mean over seeds and lighting states of nrmse^2; "
-            "best baseline: the one with the least of it in this very column. Ratios are baseline "
-            "over ours, above 1 where ours is better; 95 %: paired bootstrap over blocks and seeds. "
-            "light leak, smape: means, a leak below the truth's noise counts as that noise, - where "
-            f"both are.{without}")
+            "Held-out receivers. nrmse: root of the mean over seeds and lighting states of "
+            "nrmse^2; best baseline: the one with the least of it in this very column. Ratios are "
+            "baseline over ours, above 1 where ours is better; 95 %: paired bootstrap over blocks "
+            "and seeds. light leak, smape: means, a leak below the truth's noise counts as that "
+            f"noise, - where both are.{without}")
     return parts
 
 
@@ -395,59 +299,3 @@ def report(study, rows, failures=()):
             parts += [f"## {title}", aligned(table)]
     parts.append(provenance(study, rows))
     return "\n\n".join(parts) + "\n"
-
-
-def curve_interval(results, key, seeds):
-    squares = results.squares(key, seeds)
-    names = sorted({name for blocks in squares for name in blocks})
-    return percentiles([math.sqrt(max(0.0, s) / len(squares))
-                        for s in bootstrap_sums(squares, names)])
-
-
-def write_figure(study, rows, folder):
-    """curves.svg and curves.png: nrmse against N, a panel a scene and kind of light. Returns why
-    there is none."""
-    tables = Tables(study, rows)
-    names = study.get("curves", {}).get("layouts", [])
-    scenes = [s for s in tables.scenes
-              if any(len(tables.curve(s, name, lights)) >= 3 for name in names for lights in LIGHTS)]
-    if not scenes:
-        return ""
-    try:
-        import matplotlib
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-    except ImportError:
-        return "no figure: matplotlib is not installed (Debian: python3-matplotlib)"
-    matplotlib.rcParams["svg.hashsalt"] = "probelab"
-    figure, axes = pyplot.subplots(len(LIGHTS), len(scenes), squeeze=False, sharex=True,
-                                   figsize=(3.4 * len(scenes), 3.0 * len(LIGHTS)))
-    for i, (lights, title) in enumerate(LIGHTS.items()):
-        for j, scene in enumerate(scenes):
-            panel = axes[i][j]
-            for name in names:
-                points = tables.curve(scene, name, lights)
-                if not points:
-                    continue
-                bounds = [curve_interval(tables.results, (scene, name, n, lights),
-                                         tables.results.seeds(scene, name, n, lights))
-                          for n, _ in points]
-                counts = [n for n, _ in points]
-                line, = panel.plot(counts, [e for _, e in points], marker="o", markersize=3,
-                                   linewidth=2 if name in tables.ours else 1, label=name)
-                panel.fill_between(counts, [b[0] for b in bounds], [b[1] for b in bounds],
-                                   color=line.get_color(), alpha=0.15, linewidth=0)
-            panel.set_xscale("log", base=2)
-            panel.set_yscale("log")
-            panel.set_title(f"{scene}, {title}", fontsize=9)
-            panel.grid(True, which="both", linewidth=0.3)
-            if i == len(LIGHTS) - 1:
-                panel.set_xlabel("probes")
-            if j == 0:
-                panel.set_ylabel("nrmse")
-    axes[0][0].legend(fontsize=8)
-    figure.tight_layout()
-    figure.savefig(folder / "curves.svg", metadata={"Date": None})
-    figure.savefig(folder / "curves.png", dpi=110)
-    pyplot.close(figure)
-    return ""

@@ -10,6 +10,7 @@ from support import CliTest, PROGRAM, SOURCE
 
 sys.path.insert(0, str(SOURCE / "scripts"))
 import placement_report  # noqa: E402
+import placement_rows  # noqa: E402
 
 STUDY = """
 receivers = 64
@@ -62,7 +63,7 @@ class PlacementStudy(CliTest):
             file.write('{"scene": "cut sho')
         second = self.study("--jobs", "2")
         self.assertEqual(second.returncode, 0, second.stderr)
-        kept = placement_report.load_rows(self.results)
+        kept = placement_rows.load_rows(self.results)
         # Two seeds, and the second layout at the receivers of the first.
         self.assertEqual(len(kept), 6 + 6 + 3)
         self.assertEqual(kept[:6], rows)
@@ -114,9 +115,9 @@ class Report(unittest.TestCase):
         # sqrt((0.16 + 0.04) / (0.01 + 0.04)) = 2 in every replicate: the same in each block.
         first, second = [{"0": 0.08, "1": 0.08}, {"0": 0.02, "1": 0.02}], None
         second = [{k: v / 4 for k, v in blocks.items()} for blocks in first]
-        ratio, drawn = placement_report.paired_ratios(first, second)
+        ratio, drawn = placement_rows.paired_ratios(first, second)
         self.assertAlmostEqual(ratio, 2)
-        self.assertEqual(len(drawn), placement_report.REPLICATES)
+        self.assertEqual(len(drawn), placement_rows.REPLICATES)
         self.assertAlmostEqual(min(drawn), 2)
         self.assertAlmostEqual(max(drawn), 2)
 
@@ -124,7 +125,7 @@ class Report(unittest.TestCase):
         # One block of 100 rules: it is drawn in 63 % of replicates, none of it in the others.
         first = [{str(i): 1.0 if i == 0 else 0.01 for i in range(100)}]
         second = [{str(i): 0.01 for i in range(100)}]
-        low, high = placement_report.percentiles(placement_report.paired_ratios(first, second)[1])
+        low, high = placement_rows.percentiles(placement_rows.paired_ratios(first, second)[1])
         self.assertAlmostEqual(low, 1)
         self.assertAlmostEqual(high, math.sqrt(1 + 3 * 0.99))  # drawn three times
 
