@@ -27,6 +27,7 @@ def draw_panel(panel, tables, scene, lights, names):
         panel.fill_between(counts, [b[0] for b in bounds], [b[1] for b in bounds],
                            color=line.get_color(), alpha=0.15, linewidth=0)
     panel.set_xscale("log", base=2)
+    panel.xaxis.set_major_formatter("{x:g}")
     panel.set_yscale("log")
     panel.set_title(f"{scene}, {LIGHTS[lights]}", fontsize=9)
     panel.grid(True, which="both", linewidth=0.3)
