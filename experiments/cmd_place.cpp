@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -150,6 +151,11 @@ Placed placeByError(const PlaceOptions& options, const Params& params,
   const Receivers receivers =
       obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation)
           .receivers;
+  for (const Split split : {Split::train, Split::heldout})
+    if (std::none_of(receivers.points.begin(), receivers.points.end(),
+                     [&](const Receiver& r) { return r.split == split; }))
+      throwInput("--max-nrmse: no {} receivers; use --count in place of --points, or a larger one",
+                 split == Split::train ? "train" : "held-out");
   const int limit = options.probes->count() > 0 ? options.field.probes : kDefaultLimit;
   std::map<int, Trial> trials;
   std::string refusal;
@@ -281,9 +287,19 @@ void requireError(const Json& search) {
         formatError(search["heldout_nrmse"]), search["probes"].get<int>(), wanted));
 }
 
+// The result's numbers before there are any.
+Json outlineOf() {
+  return {{"probes", {{"stored", 0}}},
+          {"layout", layoutJson(ProbeLayout{})},
+          {"report", Json::object()},
+          {"search", Json::object()},
+          {"seed", 0}};
+}
+
 void runPlace(const PlaceOptions& options, const Invocation& invocation) {
   checkOutput(options.output, ".json");
   if (!options.glb.empty()) checkOutput(options.glb, ".glb");
+  checkRequirementNames(invocation.common.require, outlineOf());
   const Params params = resolveParams(options.field);
   resolveOptions(findStrategy(options.field.strategy), strategyOptionPairs(options.field));
   const Placed placed = options.max_nrmse ? placeByError(options, params, invocation)

@@ -261,6 +261,20 @@ class Refusals(PlaceTest):
         self.assert_refused("place", "room.toml", "-o", "l.csv", words=(".json",))
         self.assert_refused("place", "room.toml", words=("-o",))
 
+    def test_a_search_needs_train_receivers(self):
+        (self.folder / "points.csv").write_text("0,1,0,0,1,0\n")
+        self.run_ok("receivers", "room.toml", "-o", "r.json", "--points", "points.csv", "--spp", 8,
+                    "--cache", "cache")  # so that the refused command writes nothing
+        self.refuse("--max-nrmse", "1", "--points", "points.csv", "--spp", "8", "--cache", "cache",
+                    words=("--points", "train"))
+
+    def test_requirements(self):
+        self.refuse("--require", "probes.sotred>=9", words=("'probes.stored'",))
+        unmet = self.run_program("place", "room.toml", "--probes", 8, "-o", "layout.json",
+                                 "--require", "probes.stored>=9")
+        self.assertEqual(unmet.returncode, 3)
+        self.assertIn("not met: probes.stored: wanted >= 9, measured 8", unmet.stderr)
+
     def test_files_of_positions(self):
         for name, text, words in (
                 ("few.csv", "", ("few.csv",)), ("word.csv", "0,1,x\n", ("word.csv", "x")),
