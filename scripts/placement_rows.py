@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The rows of scripts/placement.py, their errors by block and seed, and intervals of ratios.
 
-A row's `blocks` hold, by block of held-out receivers, the sums of a (E-A)(E-B) and a A B; all
-errors and intervals come from them. Standard library only.
+A row's `blocks` hold, by block of held-out receivers, the sum of a (E-A)(E-B) over that of a A B of
+all, so that they sum to nrmse^2; all errors and intervals come from them. Standard library only.
 """
-import gzip
 import json
+import lzma
 import math
 import random
 import statistics
@@ -14,14 +14,14 @@ REPLICATES = 2000
 
 
 def load_rows(folder):
-    """The rows of rows.jsonl, or of rows.jsonl.gz; the last of a key counts. A line that a kill cut
+    """The rows of rows.jsonl, or of rows.jsonl.xz; the last of a key counts. A line that a kill cut
     short is left out."""
     rows = {}
-    packed, plain = folder / "rows.jsonl.gz", folder / "rows.jsonl"
+    packed, plain = folder / "rows.jsonl.xz", folder / "rows.jsonl"
     if plain.exists():
         text = plain.read_text()
     elif packed.exists():
-        text = gzip.decompress(packed.read_bytes()).decode()
+        text = lzma.decompress(packed.read_bytes()).decode()
     else:
         return []
     for line in text.splitlines():
@@ -62,9 +62,8 @@ class Results:
         for seed in sorted(seeds):
             blocks, rows = {}, self.found[key][seed]
             for row in rows:
-                product = sum(p for _, p in row["blocks"].values())
-                for block, (error, _) in row["blocks"].items():
-                    blocks[block] = blocks.get(block, 0) + error / product / len(rows)
+                for block, error in row["blocks"].items():
+                    blocks[block] = blocks.get(block, 0) + error / len(rows)
             result.append(blocks)
         return result
 
