@@ -11,7 +11,8 @@
 namespace probelab {
 namespace {
 
-constexpr int kSamplesAnEdge = 4;  // of a voxel
+constexpr double kSamplesASpacing = 8;  // along an edge
+constexpr int kMostAnEdge = 8;          // of a voxel
 
 // Corners of the grid whose distance to p is below the radius.
 template <class Visit>
@@ -33,33 +34,42 @@ void cornersWithin(const Lattice& corners, const Vec3f& p, float radius_m, const
       }
 }
 
+// The samples of the grid's voxels: edges along an axis are split alike.
+struct Samples {
+  const Lattice& corners;
+  int an_edge;  // of a voxel
+  Vec3i count() const { return (corners.count - Vec3i(1, 1, 1)) * Vec3i(an_edge); }
+  Vec3f position(const Vec3i& at) const {
+    const Vec3f step = corners.spacing / Vec3f(static_cast<float>(an_edge));
+    return corners.first + (Vec3f(at) + Vec3f(0.5f)) * step;
+  }
+};
+
 struct Claim {
   std::size_t corner;
   uint32_t probe;
   auto operator<=>(const Claim&) const = default;
 };
 
-// The samples of one layer of voxels, z fixed: which corners would take them from which probe.
-void claimLayer(const Lattice& corners, const std::vector<Vec3f>& positions,
+// The samples with one z: which corners would take them from which probe.
+void claimLayer(const Samples& samples, const std::vector<Vec3f>& positions,
                 const NearestProbes& probes, const std::vector<uint8_t>& usable,
-                const FreeSpace& space, bool visibility, int layer, std::vector<Claim>& claims) {
+                const FreeSpace& space, bool visibility, int z, std::vector<Claim>& claims) {
   const EmbreeScene& embree = space.input().embree;
-  const Vec3f step = corners.spacing / Vec3f(kSamplesAnEdge);
-  const Vec3i samples = (corners.count - Vec3i(1, 1, 1)) * Vec3i(kSamplesAnEdge);
+  const Vec3i count = samples.count();
   std::vector<NearProbe> nearest;
-  for (int z = layer * kSamplesAnEdge; z < (layer + 1) * kSamplesAnEdge; ++z)
-    for (int y = 0; y < samples.y; ++y)
-      for (int x = 0; x < samples.x; ++x) {
-        const Vec3f p = corners.first + (Vec3f(Vec3i(x, y, z)) + Vec3f(0.5f)) * step;
-        visibleProbes(probes, positions, space, p, 1, visibility, nearest);
-        const NearProbe& owner = nearest.front();
-        // Nearest regardless: the sample sees no probe, so it lies in a wall or out of reach.
-        if (visibility && !seesPlace(embree, positions[owner.index], p)) continue;
-        cornersWithin(corners, p, owner.distance_m, [&](std::size_t i, const Vec3f& corner) {
-          if (usable[i] && (!visibility || seesPlace(embree, p, corner)))
-            claims.push_back({i, owner.index});
-        });
-      }
+  for (int y = 0; y < count.y; ++y)
+    for (int x = 0; x < count.x; ++x) {
+      const Vec3f p = samples.position({x, y, z});
+      visibleProbes(probes, positions, space, p, 1, visibility, nearest);
+      const NearProbe& owner = nearest.front();
+      // Nearest regardless: the sample sees no probe, so it lies in a wall or out of reach.
+      if (visibility && !seesPlace(embree, positions[owner.index], p)) continue;
+      cornersWithin(samples.corners, p, owner.distance_m, [&](std::size_t i, const Vec3f& corner) {
+        if (usable[i] && (!visibility || seesPlace(embree, p, corner)))
+          claims.push_back({i, owner.index});
+      });
+    }
 }
 
 }  // namespace
@@ -73,10 +83,15 @@ CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& p
     for (std::size_t i = begin; i < end; ++i)
       usable[i] = space.usable(corners.position(static_cast<int>(i))) ? 1 : 0;
   });
-  std::vector<std::vector<Claim>> claims(static_cast<std::size_t>(corners.count.z - 1));
+  const double spacing_m = space.spacing(static_cast<int>(positions.size()));
+  const double voxel_m = static_cast<double>(maxComponent(corners.spacing));
+  const Samples samples{
+      corners, std::clamp(static_cast<int>(std::lround(kSamplesASpacing * voxel_m / spacing_m)), 1,
+                          kMostAnEdge)};
+  std::vector<std::vector<Claim>> claims(static_cast<std::size_t>(samples.count().z));
   parallelFor(claims.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t layer = begin; layer < end; ++layer) {
-      claimLayer(corners, positions, probes, usable, space, settings.visibility,
+      claimLayer(samples, positions, probes, usable, space, settings.visibility,
                  static_cast<int>(layer), claims[layer]);
       std::sort(claims[layer].begin(), claims[layer].end());
     }

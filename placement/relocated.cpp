@@ -166,7 +166,7 @@ const Strategy kRelocatedStrategy = {
     "relocated",
     "a lattice whose probes move out of geometry and away from near walls",
     {{"base", "grid", "grid | grid_best | grid_sparse", "the lattice that is moved"},
-     {"clearance", "0.15", "0 .. 0.45", "distance kept to surfaces, in smallest spacings s_i"},
+     {"clearance", "0.1", "0 .. 0.45", "distance kept to surfaces, in smallest spacings s_i"},
      {"box", "free", "free | bounds", "what the lattice fills, with base=grid"},
      {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one, with base=grid"}},
     placeRelocated};

@@ -16,6 +16,7 @@ std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
                  "what weighs the probes: k nearest, Delaunay tetrahedra, natural neighbours"});
   own.push_back({"k", "8", "1 .. 64", "probes that count at a place, with knn"});
   own.push_back({"visibility", "on", "on | off", "only probes that a place sees count there"});
+  own.push_back({"cells", "2", "0.5 .. 8", "voxels of the query's index, a mean spacing"});
   return own;
 }
 
@@ -31,7 +32,8 @@ ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
   settings.k = integerOption(input, "k", 1, 64);
   settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
   const Lattice corners =
-      influenceCorners(input.scene.bounds, space.spacing(static_cast<int>(positions.size())));
+      influenceCorners(input.scene.bounds, space.spacing(static_cast<int>(positions.size())),
+                       numberOption(input, "cells", 0.5, 8));
   CornerWeights weights;
   Interpolant interpolant = Interpolant::knn;
   if (choice == 0) {

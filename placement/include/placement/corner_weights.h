@@ -50,8 +50,8 @@ CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>
 // Natural neighbours (Sibson 1981), by counting (Park et al., Discrete Sibson Interpolation, IEEE
 // TVCG 12(2), 2006): each sample of free space that lies nearer to the corner than to the nearest
 // probe that it sees counts for that probe: the volume that the corner would take from it. With
-// `visibility` a sample counts only at corners that it sees. Samples are a grid of
-// 4^3 points a voxel. Corners at a probe, where there is nothing to take, have that probe alone;
+// `visibility` a sample counts only at corners that it sees. There are 8 samples a mean spacing
+// along every axis. Corners at a probe, where there is nothing to take, have that probe alone;
 // corners that are not usable themselves their knn weights.
 CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                              const FreeSpace& space, const CornerSettings& settings);

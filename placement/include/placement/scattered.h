@@ -8,7 +8,7 @@
 
 namespace probelab {
 
-// interpolant, k and visibility, to be put behind a strategy's own options.
+// interpolant, k, visibility and cells, to be put behind a strategy's own options.
 std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own = {});
 
 // The layout of these probes, read as the options of `scatteredOptions` in the input say.

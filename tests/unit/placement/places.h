@@ -22,7 +22,7 @@ struct Place {
       : scene(std::move(s)),
         embree(scene),
         reachability(findReachable(scene, embree)),
-        training(scene, embree, reachability, TrainingSettings{256, 2, Split::train, 7}) {}
+        training(scene, embree, reachability, TrainingSettings{128, 1, Split::train, 7}) {}
   PlacementInput input(int probes, uint64_t seed = 1, OptionValues options = {}) {
     return {scene, embree, reachability, params, training, probes, seed, std::move(options)};
   }
