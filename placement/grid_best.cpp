@@ -24,13 +24,14 @@ struct Candidate {
 
 class Sweep {
  public:
-  explicit Sweep(const PlacementInput& input, std::size_t expected)
-      : input_(input), expected_(expected) {}
+  Sweep(const PlacementInput& input, const LayoutFinish& finish, std::size_t expected)
+      : input_(input), finish_(finish), expected_(expected) {}
 
   void add(const Candidate& candidate) {
     if (std::ranges::find(tried_, candidate) != tried_.end()) return;
     tried_.push_back(candidate);
     ProbeLayout layout = usableLayout(latticeIn(input_, candidate.box, candidate.count), input_);
+    if (finish_) layout = finish_(layout);
     const double score = input_.training.score(layout, input_.params);
     if (score < best_score_) best_score_ = score, best_ = candidate, layout_ = std::move(layout);
     if (input_.progress)
@@ -42,6 +43,7 @@ class Sweep {
 
  private:
   const PlacementInput& input_;
+  const LayoutFinish& finish_;
   std::size_t expected_;
   std::vector<Candidate> tried_;
   double best_score_ = std::numeric_limits<double>::infinity();
@@ -51,9 +53,9 @@ class Sweep {
 
 }  // namespace
 
-ProbeLayout bestLattice(const PlacementInput& input) {
+ProbeLayout bestLattice(const PlacementInput& input, const LayoutFinish& finish) {
   const std::vector<LatticeBox> boxes = likelyBoxes(input);
-  Sweep sweep(input, boxes.size() * (kVerticals.size() + 1) + kOtherCounts);
+  Sweep sweep(input, finish, boxes.size() * (kVerticals.size() + 1) + kOtherCounts);
   for (const LatticeBox& box : boxes)
     for (const double vertical : kVerticals)
       sweep.add({box, cubicCounts(outerBox(input, box).extent(), input.probes, vertical)});
@@ -70,6 +72,6 @@ const Strategy kGridBestStrategy = {
     "grid_best",
     "the best of some 40 lattices (boxes, insets, shapes of the cell) on the train receivers",
     {},
-    bestLattice};
+    [](const PlacementInput& input) { return bestLattice(input); }};
 
 }  // namespace probelab

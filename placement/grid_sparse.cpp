@@ -77,15 +77,19 @@ Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double
   return search.best();
 }
 
-ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep) {
-  if (!sweep) return usableLayout(sparseLattice(input, {true, 0.05}, 1), input);
+ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep, const LayoutFinish& finish) {
+  const auto layoutIn = [&](const LatticeBox& box, double vertical) {
+    ProbeLayout layout = usableLayout(sparseLattice(input, box, vertical), input);
+    return finish ? finish(layout) : layout;
+  };
+  if (!sweep) return layoutIn({true, 0.05}, 1);
   const std::vector<LatticeBox> boxes = likelyBoxes(input);
   double best_score = std::numeric_limits<double>::infinity();
   ProbeLayout best;
   std::size_t done = 0;
   for (const LatticeBox& box : boxes)
     for (const double vertical : kVerticals) {
-      ProbeLayout layout = usableLayout(sparseLattice(input, box, vertical), input);
+      ProbeLayout layout = layoutIn(box, vertical);
       const double score = input.training.score(layout, input.params);
       if (score < best_score) best_score = score, best = std::move(layout);
       if (input.progress)

@@ -115,22 +115,9 @@ struct Mover {
   }
 };
 
-ProbeLayout baseLayout(const PlacementInput& input) {
-  switch (choiceOption(input, "base", {"grid", "grid_best", "grid_sparse"})) {
-    case 1:
-      return bestLattice(input);
-    case 2:
-      return bestSparseLattice(input, true);
-    default:
-      return kGridStrategy.place(input);
-  }
-}
-
-ProbeLayout placeRelocated(const PlacementInput& input) {
-  const double clearance = numberOption(input, "clearance", 0, 0.45);
-  const ProbeLayout base = baseLayout(input);
+ProbeLayout relocate(const PlacementInput& input, const SceneDistance& distance, double clearance,
+                     const ProbeLayout& base) {
   const Lattice& lattice = base.lattice;
-  const SceneDistance distance(*input.scene.geometry);
   const Mover mover{input, distance, base.bias_length_m,
                     static_cast<float>(clearance) * base.bias_length_m};
   const auto points = static_cast<std::size_t>(lattice.pointCount());
@@ -160,12 +147,29 @@ ProbeLayout placeRelocated(const PlacementInput& input) {
   return layout;
 }
 
+ProbeLayout placeRelocated(const PlacementInput& input) {
+  const double clearance = numberOption(input, "clearance", 0, 0.45);
+  const SceneDistance distance(*input.scene.geometry);
+  const LayoutFinish finish = [&](const ProbeLayout& base) {
+    return relocate(input, distance, clearance, base);
+  };
+  switch (choiceOption(input, "base", {"grid", "grid_best", "grid_sparse"})) {
+    case 1:
+      return bestLattice(input, finish);
+    case 2:
+      return bestSparseLattice(input, true, finish);
+    default:
+      return finish(kGridStrategy.place(input));
+  }
+}
+
 }  // namespace
 
 const Strategy kRelocatedStrategy = {
     "relocated",
     "a lattice whose probes move out of geometry and away from near walls",
-    {{"base", "grid", "grid | grid_best | grid_sparse", "the lattice that is moved"},
+    {{"base", "grid", "grid | grid_best | grid_sparse",
+      "the lattice that is moved; the latter two take what is best once moved"},
      {"clearance", "0.1", "0 .. 0.45", "distance kept to surfaces, in smallest spacings s_i"},
      {"box", "free", "free | bounds", "what the lattice fills, with base=grid"},
      {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one, with base=grid"}},

@@ -2,6 +2,8 @@
 // The stronger lattices: swept, sparse, and moved by geometry.
 #pragma once
 
+#include <functional>
+
 #include "placement/grid.h"
 
 namespace probelab {
@@ -12,15 +14,19 @@ extern const Strategy kGridSparseStrategy;
 extern const Strategy kRelocatedStrategy;
 #endif
 
+// What a lattice's layout becomes before it is scored and returned; empty: itself.
+using LayoutFinish = std::function<ProbeLayout(const ProbeLayout&)>;
+
 // The best of at least 24 lattices by Training::score: every box of likelyBoxes with flat, cubic
 // and tall cells, then other counts in the best box, then the best counts in every box.
-ProbeLayout bestLattice(const PlacementInput& input);
+ProbeLayout bestLattice(const PlacementInput& input, const LayoutFinish& finish = {});
 
 // A lattice in the box whose usable points are at most N and as near to N as a search over its
 // counts comes.
 Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical);
 
 // The sparse lattice in the default box, or the best over boxes and cells by Training::score.
-ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep);
+ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep,
+                              const LayoutFinish& finish = {});
 
 }  // namespace probelab

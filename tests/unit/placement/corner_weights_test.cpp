@@ -97,6 +97,25 @@ TEST(KnnWeights, CountOnlyProbesThatTheCornerSees) {
   EXPECT_TRUE(across);
 }
 
+TEST(Viewpoints, OfACornerInAWallLieOnBothSides) {
+  Place place(twoRooms());
+  const PlacementInput input = place.input(8);
+  const FreeSpace space(input);
+  // The middle corner lies in the wall between the rooms, its voxels reach 0.5 m into each.
+  const Lattice corners = makeLattice({{-0.5f, 0.5f, 0.5f}, {0.5f, 2.5f, 2.5f}}, {3, 3, 3});
+  int left = 0, right = 0;
+  for (const Vec3f& p : viewpoints(corners, 13, space)) {
+    EXPECT_TRUE(space.usable(p));
+    (p.x < 0 ? left : right) += 1;
+  }
+  EXPECT_EQ(left, 4);
+  EXPECT_EQ(right, 4);
+  EXPECT_EQ(viewpoints(corners, 12, space), std::vector<Vec3f>{Vec3f(-0.5f, 1.5f, 1.5f)});
+  const std::vector<Vec3f> positions = {{-1, 1.5f, 1.5f}, {1, 1.5f, 1.5f}};
+  EXPECT_EQ(knnWeights(corners, positions, space, {})[13].size(), 2u);
+  EXPECT_EQ(knnWeights(corners, positions, space, {})[12].size(), 1u);
+}
+
 TEST(KnnWeights, FallToZeroAtTheNextProbesDistance) {
   Place place(emptySpace());
   const PlacementInput input = place.input(3);
