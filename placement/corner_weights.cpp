@@ -79,7 +79,9 @@ std::vector<CornerWeight> knnFrom(const NearestProbes& probes, const std::vector
   std::vector<std::vector<CornerWeight>> sets;
   for (const Vec3f& place : from) {
     visibleProbes(probes, positions, space, place, k + 1, settings.visibility, visible);
-    sets.push_back(kernelWeights(visible, k));
+    sets.push_back(settings.sharpness > 0
+                       ? maxentWeights(visible, k, positions, place, settings.sharpness)
+                       : kernelWeights(visible, k));
   }
   return sets.size() == 1 ? sets[0] : meanWeights(sets);
 }

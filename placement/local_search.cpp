@@ -153,7 +153,7 @@ class Search {
     std::vector<double> gain(proposals.size());
     parallelFor(proposals.size(), 2, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
-        gain[i] = model_.tryChange({proposals[i].removed, &baked[i]});
+        gain[i] = model_.screenChange({proposals[i].removed, &baked[i]});
     });
     std::vector<std::size_t> order(proposals.size());
     std::iota(order.begin(), order.end(), std::size_t{0});

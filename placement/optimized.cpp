@@ -12,16 +12,21 @@
 #include "placement/pool.h"
 #include "placement/scattered.h"
 #include "placement/training.h"
+#include "placement/weight_fit.h"
 
 namespace probelab {
 namespace {
 
+constexpr int kNeighbours = 12;           // that the search looks at
 constexpr float kSupportSpacings = 2.2f;  // typical support radius over the spacing
 constexpr float kReachSpacings = 3.0f;    // largest support
 
 // 1 / error^2 of the start under each state, so that the sum falls as their geometric mean does.
-std::vector<double> stateWeights(const Training::Data& data, std::span<const float> estimates) {
+std::vector<double> stateWeights(const Training::Data& data, std::span<const float> estimates,
+                                 bool own_only) {
   std::vector<double> weights = squaredErrors(data, estimates);
+  for (std::size_t l = 0; l < weights.size(); ++l)
+    if (own_only && !data.patches->lighting()[l].own) weights[l] = 0;
   double sum = 0;
   for (double& w : weights) sum += w = w > 0 ? 1 / std::max(w, 1e-6) : 0;
   for (double& w : weights) w = sum > 0 ? w / sum : 0;
@@ -35,7 +40,12 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   SearchSettings search;
   search.proposals_a_probe = numberOption(input, "proposals", 0, 1e6);
   search.swap_share = numberOption(input, "swaps", 0, 1);
-  const bool sweep = choiceOption(input, "start", {"sparse", "sparse_best"}) == 1;
+  const bool sweep = choiceOption(input, "start", {"sparse_best", "sparse"}) == 0;
+
+  const bool own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
+  FitSettings fit;
+  fit.iterations = integerOption(input, "fit", 0, 10000);
+  fit.stiffness = numberOption(input, "stiffness", 0, 1e6);
 
   const FreeSpace space(input);
   const SceneDistance distance(*input.scene.geometry);
@@ -45,24 +55,30 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   search.probes = input.probes;
   search.spacing_m = spacing;
   search.wall_gap_m = 0.02f * spacing;
-  const SubsetSettings settings = {.neighbours = integerOption(input, "k", 1, 15),
-                                   .bias_length_m = spacing,
-                                   .support_radius_m = kSupportSpacings * spacing,
-                                   .largest_reach_m = kReachSpacings * spacing};
+  const SubsetSettings settings = {
+      .neighbours = kNeighbours,
+      .sharpness = static_cast<float>(numberOption(input, "sharpness", 0.01, 100)),
+      .bias_length_m = spacing,
+      .largest_reach_m = kReachSpacings * spacing};
   const BakePlan plan = makeBakePlan(
-      input.params, static_cast<float>(input.params.distance_clamp) * settings.support_radius_m,
-      input.seed);
+      input.params, kSearchRays,
+      static_cast<float>(input.params.distance_clamp) * kSupportSpacings * spacing, input.seed);
   JudgedPoints judged = trainPoints(data);
   if (pool > 0)
     addPool(judged, data, plan,
             {.points = pool * input.probes, .share = pool_share, .spacing_m = spacing}, input.seed);
   const Objective objective = {
-      .state_weights = stateWeights(data, estimateLayout(data, start, input.params)),
+      .state_weights = stateWeights(data, estimateLayout(data, start, input.params), own_only),
       .relative = relative};
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
   data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed);
-  return scatterProbes(space, model.positions());
+  ProbeLayout layout = scatterProbes(space, model.positions());
+  if (fit.iterations == 0) return layout;
+  const CornerWeights fitted = fitWeights(data, judged, layout, cornerWeights(layout.influence),
+                                          input.params, objective, fit);
+  return scatteredLayout(Interpolant::fitted, layout.positions, input.scene.bounds,
+                         layout.influence.corners, fitted);
 }
 
 }  // namespace
@@ -70,11 +86,15 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
 const Strategy kOptimizedStrategy = {
     "optimized", "probes where they lower the error most at train receivers, under many lights",
     scatteredOptions({
-        {"start", "sparse", "sparse | sparse_best", "the lattice to start from"},
-        {"proposals", "300", "0 .. 1e6", "moves and swaps tried for each probe"},
+        {"start", "sparse_best", "sparse_best | sparse", "the lattice to start from: swept or not"},
+        {"lights", "all", "all | own",
+         "all: also under generated lights; own: for the scene's train states alone"},
+        {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
-        {"pool", "50", "0 .. 1000", "candidates a probe that the set should make superfluous"},
-        {"pool_share", "0.6", "0 .. 1", "their share of the cost; train receivers have the rest"},
+        {"pool", "40", "0 .. 1000", "candidates a probe that the set should make superfluous"},
+        {"pool_share", "0.7", "0 .. 1", "their share of the cost; train receivers have the rest"},
+        {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
+        {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
         {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
     }),
     placeOptimized};

@@ -3,14 +3,13 @@
 
 #include <algorithm>
 
+#include "placement/maxent.h"
+
 namespace probelab {
 namespace {
 
 constexpr std::size_t kMostTested = 256;
 constexpr float kMargin = 1e-4f;
-// Support over the farthest distance where no more than k probes are visible: the farthest one
-// weighs a quarter of what it would weigh at no distance.
-constexpr float kOpenSupport = 2;
 
 }  // namespace
 
@@ -54,6 +53,30 @@ std::vector<CornerWeight> kernelWeights(const std::vector<NearProbe>& visible, s
   // More than k probes at one and the same distance: nothing tells them apart.
   if (weights.empty())
     for (std::size_t i = 0; i < count; ++i) weights.push_back({visible[i].index, 1});
+  return weights;
+}
+
+std::vector<CornerWeight> maxentWeights(const std::vector<NearProbe>& visible, std::size_t k,
+                                        const std::vector<Vec3f>& positions, const Vec3f& place,
+                                        double sharpness) {
+  constexpr float kLeast = 0.01f;  // of the largest
+  std::vector<CornerWeight> weights;
+  const std::size_t count = std::min(k, visible.size());
+  if (count == 0) return weights;
+  const float support_m =
+      visible.size() > k ? visible[k].distance_m : kOpenSupport * visible.back().distance_m;
+  if (!(support_m > 0)) return kernelWeights(visible, k);
+  std::vector<Vec3f> offsets;
+  std::vector<float> priors, shares(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    offsets.push_back((positions[visible[i].index] - place) / support_m);
+    priors.push_back(maxentPrior(visible[i].distance_m / support_m, static_cast<float>(sharpness)));
+  }
+  if (!(*std::ranges::max_element(priors) > 0)) return kernelWeights(visible, k);
+  maxentShares(offsets, priors, shares);
+  const float largest = *std::ranges::max_element(shares);
+  for (std::size_t i = 0; i < count; ++i)
+    if (shares[i] > kLeast * largest) weights.push_back({visible[i].index, shares[i]});
   return weights;
 }
 

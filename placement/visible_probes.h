@@ -23,4 +23,10 @@ void visibleProbes(const NearestProbes& probes, const std::vector<Vec3f>& positi
 // (1 - d / r)^2 for the first k of them; see knnWeights.
 std::vector<CornerWeight> kernelWeights(const std::vector<NearProbe>& visible, std::size_t k);
 
+// Maximum-entropy weights (placement/maxent.h) of the first k of them at a place, without those
+// below 1 % of the largest.
+std::vector<CornerWeight> maxentWeights(const std::vector<NearProbe>& visible, std::size_t k,
+                                        const std::vector<Vec3f>& positions, const Vec3f& place,
+                                        double sharpness);
+
 }  // namespace probelab

@@ -15,6 +15,7 @@ namespace {
 
 constexpr Interpolant kInterpolants[] = {Interpolant::lattice, Interpolant::knn,
                                          Interpolant::tetrahedra, Interpolant::natural,
+                                         Interpolant::maxent,
                                          Interpolant::fitted};
 
 // Mean distance to the nearest others, at most kNeighbours of them: outwards along the longest axis
@@ -130,6 +131,8 @@ const char* interpolantName(Interpolant interpolant) {
       return "tetrahedra";
     case Interpolant::natural:
       return "natural";
+    case Interpolant::maxent:
+      return "maxent";
     case Interpolant::fitted:
       return "fitted";
   }

@@ -135,6 +135,7 @@ std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& em
     light.position = p;
     all.push_back({"lamp", false, {light}, 0.0f});
   }
+  if (all.size() > kMostStates) all.resize(kMostStates);
   return all;
 }
 

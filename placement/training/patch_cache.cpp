@@ -150,6 +150,15 @@ void PatchCache::gather(std::size_t first, std::size_t last, uint64_t seed) {
           }
           const Surface s = surfaceAt(*scene_.geometry, materials_, hit, ray.direction);
           if (s.is_black_backface) continue;
+          if (maxComponent(s.emission) > 0) {
+            RaySample found;
+            found.emitter_pdf = pdfOf(hit, ray, s);
+            const Point& point = patch.points[r % patch.points.size()];
+            patch.emission +=
+                s.emission * emitterShare(found, dot(ray.direction, point.shading_normal),
+                                          kEmitterSamples * static_cast<int>(patch.points.size()),
+                                          kGatherRays);
+          }
           const int32_t to = findPatch(s);
           if (to >= 0) links_[begin + i].push_back({to, s.albedo});
         }
@@ -168,7 +177,8 @@ void PatchCache::lightPatches() {
         const float count = static_cast<float>(patches_[p].points.size());
         Rng rng(0, RngStream::placement, 3, p);
         const Vec3f emitter = emitted(point.origin, point.geometric_normal, point.shading_normal,
-                                      kEmitterSamples, rng);
+                                      kEmitterSamples * static_cast<int>(patches_[p].points.size()),
+                                      kGatherRays, rng);
         for (std::size_t l = 0; l < states; ++l) {
           for (std::size_t c = 0; c < 3; ++c)
             irradiance_[(p * 3 + c) * states + l] += emitter[c] / count;
@@ -225,6 +235,11 @@ void PatchCache::settle() {
   links_.clear();
 }
 
+float PatchCache::pdfOf(const Hit& hit, const Ray& ray, const Surface& surface) const {
+  if (!(maxComponent(surface.emission) > 0)) return 0;
+  return emitters_.trianglePdf(hit.primitive, hit.t, dot(surface.geometric_normal, ray.direction));
+}
+
 void PatchCache::trace(std::span<const Ray> rays, std::span<RaySample> samples) const {
   PROBELAB_CHECK_EQ(rays.size(), samples.size());
   std::vector<Hit> hits(rays.size());
@@ -241,15 +256,22 @@ void PatchCache::trace(std::span<const Ray> rays, std::span<RaySample> samples) 
       const Surface s = surfaceAt(*scene_.geometry, materials_, hits[i], rays[i].direction);
       sample.distance_m = s.is_black_backface ? -hits[i].t : hits[i].t;
       if (s.is_black_backface) continue;
-      sample.emission = luminanceOf(s.emission);
+      sample.emission = s.emission;
+      sample.emitter_pdf = pdfOf(hits[i], rays[i], s);
       sample.albedo = s.albedo;
       sample.patch = findPatch(s);
     }
   });
 }
 
+float PatchCache::emitterShare(const RaySample& sample, float cosine, int samples, int rays) {
+  const float by_ray = static_cast<float>(rays) * std::max(cosine, 0.0f) / kPi;
+  const float by_emitter = static_cast<float>(samples) * sample.emitter_pdf;
+  return by_ray > 0 ? by_ray / (by_ray + by_emitter) : 0;
+}
+
 Vec3f PatchCache::emitted(const Vec3f& origin, const Vec3f& geometric_normal,
-                          const Vec3f& shading_normal, int samples, Rng& rng) const {
+                          const Vec3f& shading_normal, int samples, int rays, Rng& rng) const {
   Vec3f sum;
   if (emitters_.empty()) return sum;
   for (int i = 0; i < samples; ++i) {
@@ -260,16 +282,18 @@ Vec3f PatchCache::emitted(const Vec3f& origin, const Vec3f& geometric_normal,
     const float cosine = dot(shading_normal, light.direction);
     if (!(cosine > 0) || !(dot(geometric_normal, light.direction) > 0)) continue;
     if (embree_.occluded(Ray{origin, 0, light.direction, light.t_max})) continue;
-    sum += light.radiance * (cosine / (light.pdf * static_cast<float>(samples)));
+    const float by_emitter = static_cast<float>(samples) * light.pdf;
+    const float by_ray = static_cast<float>(rays) * cosine / kPi;
+    sum += light.radiance * (cosine / (by_emitter + by_ray));
   }
   return sum;
 }
 
-void PatchCache::addRadiance(const RaySample& sample, float weight, Emission emission,
+void PatchCache::addRadiance(const RaySample& sample, float weight, float emission_share,
                              std::span<float> sum) const {
   const std::size_t states = stateCount();
-  if (emission == Emission::with && sample.emission != 0)
-    for (std::size_t l = 0; l < states; ++l) sum[l] += weight * sample.emission;
+  if (const float emission = luminanceOf(sample.emission) * emission_share; emission != 0)
+    for (std::size_t l = 0; l < states; ++l) sum[l] += weight * emission;
   if (sample.sky != 0)
     for (std::size_t l = 0; l < states; ++l) sum[l] += weight * sample.sky * lighting_[l].sky_scale;
   if (sample.patch < 0) return;

@@ -15,8 +15,7 @@ BakedProbe blendRays(const PatchCache& patches, const BakePlan& plan, const Vec3
   const std::size_t states = patches.stateCount(), rays = samples.size();
   std::vector<float> radiance(rays * states, 0.0f);
   for (std::size_t r = 0; r < rays; ++r)
-    patches.addRadiance(samples[r], 1, PatchCache::Emission::with,
-                        std::span<float>(radiance).subspan(r * states, states));
+    patches.addRadiance(samples[r], 1, 1, std::span<float>(radiance).subspan(r * states, states));
   BakedProbe probe;
   probe.position = position;
   const auto each = [](const WeightTable& table, auto&& add) {
@@ -48,9 +47,9 @@ BakedProbe blendRays(const PatchCache& patches, const BakePlan& plan, const Vec3
 
 }  // namespace
 
-BakePlan makeBakePlan(const Params& params, float distance_clamp_m, uint64_t seed) {
+BakePlan makeBakePlan(const Params& params, int rays, float distance_clamp_m, uint64_t seed) {
   BakePlan plan;
-  plan.directions = updateDirections(kBakeRays, seed, 0);
+  plan.directions = updateDirections(rays, seed, 0);
   const AtlasSides sides = atlasSides(params);
   plan.irradiance_texels = sides.irradiance;
   plan.irradiance = makeWeightTable(plan.directions, {sides.irradiance, 1, nullptr}, 1);

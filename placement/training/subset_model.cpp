@@ -7,15 +7,16 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
+#include "placement/maxent.h"
 #include "shared/query.h"
 
 namespace probelab {
 namespace {
 
-constexpr std::size_t kMaxStates = 64;
-constexpr int kListed = 16;     // nearest visible probes that a receiver knows, at most
-constexpr float kLift = 1e-4f;  // of the scene's extent, off the surface for visibility rays
-constexpr float kGap = 1e-3f;   // share of a visibility ray left out at its end
+constexpr uint32_t kScreened = 6;  // a screening looks at every sixth point
+constexpr int kListed = 16;        // nearest visible probes that a receiver knows, at most
+constexpr float kLift = 1e-4f;     // of the scene's extent, off the surface for visibility rays
+constexpr float kGap = 1e-3f;      // share of a visibility ray left out at its end
 
 // The moments of one probe as the shared query reads them.
 struct MomentField {
@@ -43,18 +44,14 @@ SubsetModel::SubsetModel(const Training::Data& data, const JudgedPoints& judged,
       plan_(plan),
       settings_(settings),
       states_(data.stateCount()) {
-  PROBELAB_CHECK(states_ <= kMaxStates);
+  PROBELAB_CHECK(states_ <= kMostStates);
   const std::size_t count = judged.points.size();
   weights_.assign(count * states_, 0.0f);
   for (std::size_t r = 0; r < count; ++r)
-    for (std::size_t l = 0; l < states_; ++l) {
-      if (!(data.power[l] > 0)) continue;
-      const double e = static_cast<double>(judged.truth[r * states_ + l]);
-      const double w = (1 - objective.relative) / data.power[l] +
-                       objective.relative / ((e + 0.1 * data.mean[l]) * data.mean[l]);
-      weights_[r * states_ + l] =
-          static_cast<float>(judged.points[r].area * objective.state_weights[l] * w);
-    }
+    for (std::size_t l = 0; l < states_; ++l)
+      weights_[r * states_ + l] = static_cast<float>(
+          judged.points[r].area *
+          errorWeight(data, objective, l, static_cast<double>(judged.truth[r * states_ + l])));
   const float lift = kLift * data.embree.extent();
   for (const Receiver& r : judged.points) lifted_.push_back(r.position + r.normal * lift);
   lists_.resize(count);
@@ -82,52 +79,63 @@ SubsetModel::SubsetModel(const Training::Data& data, const JudgedPoints& judged,
   for (std::size_t r = 0; r < count; ++r) refresh(r);
 }
 
-float SubsetModel::gainOf(std::size_t receiver, const BakedProbe& probe) const {
-  const Receiver& r = judged_.points[receiver];
-  const Vec3f biased = r.position + (r.normal * query_.normal_bias - r.view * query_.view_bias) *
-                                        settings_.bias_length_m;
-  const Vec3f& seen_from = modes_.facing == PL_FACING_WRAP_BIASED ? biased : r.position;
+double errorWeight(const Training::Data& data, const Objective& objective, std::size_t state,
+                   double e) {
+  if (!(data.power[state] > 0)) return 0;
+  const double mean = data.mean[state];
+  return objective.state_weights[state] * ((1 - objective.relative) / data.power[state] +
+                                           objective.relative / ((e + 0.1 * mean) * mean));
+}
+
+float queryGain(const QueryParams<float>& query, const QueryModes& modes, int moment_texels,
+                const Receiver& r, const BakedProbe& probe, float bias_length_m) {
+  const Vec3f biased =
+      r.position + (r.normal * query.normal_bias - r.view * query.view_bias) * bias_length_m;
+  const Vec3f& seen_from = modes.facing == PL_FACING_WRAP_BIASED ? biased : r.position;
   const Vec3f to = probe.position - seen_from;
   const float length_sq = dot(to, to);
   const float cosine = length_sq > 0 ? dot(to, r.normal) / std::sqrt(length_sq) : 1.0f;
   float visibility = 1;
-  if (modes_.visibility != 0) {
+  if (modes.visibility != 0) {
     const Vec3f offset = biased - probe.position;
     const float distance = length(offset);
-    const float unit = 1 / settings_.support_radius_m;
-    const OctTaps<float> taps =
-        octTaps(distance > 0 ? offset : Vec3f(0, 0, 1), plan_.moment_texels, 0);
+    // In units of the distance itself, which keeps squares of any scene's lengths in range.
+    const float unit = distance > 0 ? 1 / distance : 1.0f;
+    const OctTaps<float> taps = octTaps(distance > 0 ? offset : Vec3f(0, 0, 1), moment_texels, 0);
     const Vec2f moments = readMoments<MomentField, float>({probe, unit}, 0, taps);
-    visibility = visibilityWeight(query_, moments, distance * unit);
+    visibility = visibilityWeight(query, moments, distance * unit);
   }
-  return probeWeight(query_, modes_, 1.0f, cosine, visibility);
+  return probeWeight(query, modes, 1.0f, cosine, visibility);
 }
 
-// The probe's mean radiance as averaged, at the receiver's normal.
-void SubsetModel::valuesOf(std::size_t receiver, const BakedProbe& probe, float* values) const {
-  const OctTaps<float> t = octTaps(judged_.points[receiver].normal, plan_.irradiance_texels, 0);
+void queryValues(const QueryModes& modes, int texels, std::size_t states, const Vec3f& normal,
+                 const BakedProbe& probe, float* values) {
+  const OctTaps<float> t = octTaps(normal, texels, 0);
   const float x = t.fraction_x, y = t.fraction_y;
-  const float* a = &probe.mean_radiance[static_cast<std::size_t>(t.texel_00) * states_];
-  const float* b = &probe.mean_radiance[static_cast<std::size_t>(t.texel_10) * states_];
-  const float* c = &probe.mean_radiance[static_cast<std::size_t>(t.texel_01) * states_];
-  const float* d = &probe.mean_radiance[static_cast<std::size_t>(t.texel_11) * states_];
-  for (std::size_t l = 0; l < states_; ++l)
+  const float* a = &probe.mean_radiance[static_cast<std::size_t>(t.texel_00) * states];
+  const float* b = &probe.mean_radiance[static_cast<std::size_t>(t.texel_10) * states];
+  const float* c = &probe.mean_radiance[static_cast<std::size_t>(t.texel_01) * states];
+  const float* d = &probe.mean_radiance[static_cast<std::size_t>(t.texel_11) * states];
+  for (std::size_t l = 0; l < states; ++l)
     values[l] = (a[l] * (1 - x) + b[l] * x) * (1 - y) + (c[l] * (1 - x) + d[l] * x) * y;
-  if (isSqrtAverage(modes_))
-    for (std::size_t l = 0; l < states_; ++l) values[l] = std::sqrt(values[l]);
+  if (isSqrtAverage(modes))
+    for (std::size_t l = 0; l < states; ++l) values[l] = std::sqrt(values[l]);
 }
 
 SubsetModel::Pair SubsetModel::pairOf(std::size_t receiver, const BakedProbe& probe,
                                       float* values) const {
   Pair pair;
   const Vec3f to = probe.position - lifted_[receiver];
+  pair.offset = to;
   pair.distance = length(to);
   pair.visible =
       !(pair.distance > 0) || !data_.embree.occluded(Ray{lifted_[receiver], 0, to / pair.distance,
                                                          pair.distance * (1 - kGap)});
   if (!pair.visible) return pair;
-  pair.gain = gainOf(receiver, probe);
-  valuesOf(receiver, probe, values);
+  pair.gain = queryGain(query_, modes_, plan_.moment_texels, judged_.points[receiver], probe,
+                        settings_.bias_length_m);
+  queryValues(modes_, plan_.irradiance_texels, states_, judged_.points[receiver].normal, probe,
+              values);
   return pair;
 }
 
@@ -143,11 +151,12 @@ float SubsetModel::reachOf(std::size_t receiver) const {
 // Mean radiance under every state after a change.
 void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
                                std::span<float> estimate) const {
-  std::array<float, kMaxStates> added_values;
+  std::array<float, kMostStates> added_values;
   Pair added;
   if (change.added != nullptr) added = pairOf(receiver, *change.added, added_values.data());
   // The k + 1 nearest after the change.
   struct Item {
+    Vec3f offset;
     float distance, gain;
     const float* values;
   };
@@ -160,23 +169,32 @@ void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
   for (const Entry& entry : list.entries) {
     if (entry.probe == change.removed) continue;
     if (pending && added.distance < entry.distance) {
-      items[count++] = {added.distance, added.gain, added_values.data()};
+      items[count++] = {added.offset, added.distance, added.gain, added_values.data()};
       pending = false;
     }
     if (count > k) break;
-    items[count++] = {entry.distance, entry.gain,
+    items[count++] = {entry.offset, entry.distance, entry.gain,
                       rows + static_cast<std::size_t>(entry.row) * states_};
     if (count > k) break;
   }
-  if (pending && count <= k) items[count++] = {added.distance, added.gain, added_values.data()};
+  if (pending && count <= k)
+    items[count++] = {added.offset, added.distance, added.gain, added_values.data()};
   std::fill(estimate.begin(), estimate.end(), 0.0f);
   if (count == 0) return;
-  float reach = settings_.largest_reach_m;
-  if (count > k) reach = std::min(reach, items[k].distance);
+  const std::size_t used = std::min(count, k);
+  const float support =
+      count > k ? items[k].distance : kOpenSupport * items[count - 1].distance + 1e-20f;
+  std::array<Vec3f, kListed + 1> offsets;
+  std::array<float, kListed + 1> priors, shares;
+  for (std::size_t i = 0; i < used; ++i) {
+    offsets[i] = items[i].offset / support;
+    priors[i] = maxentPrior(items[i].distance / support, settings_.sharpness);
+  }
+  if (!(priors[0] > 0)) priors[0] = 1;  // all at one distance
+  maxentShares({offsets.data(), used}, {priors.data(), used}, {shares.data(), used});
   float total = 0;
-  for (std::size_t i = 0; i < std::min(count, k); ++i) {
-    const float t = std::max(0.0f, 1 - items[i].distance / reach);
-    const float w = t * t * items[i].gain;
+  for (std::size_t i = 0; i < used; ++i) {
+    const float w = shares[i] * items[i].gain;
     total += w;
     for (std::size_t l = 0; l < states_; ++l) estimate[l] += w * items[i].values[l];
   }
@@ -192,7 +210,7 @@ void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
 }
 
 double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
-  std::array<float, kMaxStates> buffer;
+  std::array<float, kMostStates> buffer;
   const std::span<float> estimate(buffer.data(), states_);
   estimateWith(receiver, change, estimate);
   const float* truth = &judged_.truth[receiver * states_];
@@ -253,6 +271,21 @@ double SubsetModel::tryChange(const Change& change) const {
   return delta;
 }
 
+double SubsetModel::screenChange(const Change& change) const {
+  // Judged points come in random order, so every n-th is a fair sample.
+  double first = 0;
+  std::vector<uint32_t> rest;
+  forTouched(change, [&](uint32_t r) {
+    if (r % kScreened == 0)
+      first += costWith(r, change) - costs_[r];
+    else
+      rest.push_back(r);
+  });
+  if (first > 0) return first * kScreened;
+  for (const uint32_t r : rest) first += costWith(r, change) - costs_[r];
+  return first;
+}
+
 std::vector<uint32_t> SubsetModel::touched(const Change& change) const {
   std::vector<uint32_t> receivers;
   forTouched(change, [&](uint32_t r) {
@@ -275,7 +308,7 @@ void SubsetModel::insertEntry(std::size_t receiver, int probe) {
     return;
   }
   if (!list.complete && !list.entries.empty() && distance >= list.entries.back().distance) return;
-  std::array<float, kMaxStates> values;
+  std::array<float, kMostStates> values;
   const Pair pair = pairOf(receiver, baked, values.data());
   if (!pair.visible) return;
   int row = static_cast<int>(list.entries.size());
@@ -291,7 +324,7 @@ void SubsetModel::insertEntry(std::size_t receiver, int probe) {
     for (const Entry& entry : list.entries) used[static_cast<std::size_t>(entry.row)] = true;
     row = static_cast<int>(std::find(used.begin(), used.end(), false) - used.begin());
   }
-  const Entry entry{probe, row, pair.distance, pair.gain};
+  const Entry entry{probe, row, pair.offset, pair.distance, pair.gain};
   const auto at =
       std::upper_bound(list.entries.begin(), list.entries.end(), entry,
                        [](const Entry& a, const Entry& b) { return a.distance < b.distance; });

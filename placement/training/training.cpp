@@ -66,12 +66,18 @@ void traceTruth(Training::Data& data) {
     parallelFor(count, 64, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const std::span<float> sum = std::span(data.truth).subspan((first + i) * states, states);
-        for (std::size_t k = 0; k < kReceiverRays; ++k)
-          data.patches->addRadiance(samples[i * kReceiverRays + k], 1.0f / kReceiverRays,
-                                    PatchCache::Emission::without, sum);
+        for (std::size_t k = 0; k < kReceiverRays; ++k) {
+          const RaySample& sample = samples[i * kReceiverRays + k];
+          const float cosine = dot(part[i].normal, rays[i * kReceiverRays + k].direction);
+          data.patches->addRadiance(
+              sample, 1.0f / kReceiverRays,
+              PatchCache::emitterShare(sample, cosine, kReceiverEmitterSamples, kReceiverRays),
+              sum);
+        }
         Rng rng(data.settings.seed, RngStream::placement, 5, first + i);
-        const Vec3f e = data.patches->emitted(rays[i * kReceiverRays].origin, part[i].normal,
-                                              part[i].normal, kReceiverEmitterSamples, rng);
+        const Vec3f e =
+            data.patches->emitted(rays[i * kReceiverRays].origin, part[i].normal, part[i].normal,
+                                  kReceiverEmitterSamples, kReceiverRays, rng);
         for (float& v : sum) v += (0.2126f * e.x + 0.7152f * e.y + 0.0722f * e.z) / kPi;
       }
     });
@@ -135,7 +141,7 @@ uint64_t Training::evaluations() const { return data_->evaluations; }
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params) {
   const std::size_t states = data.stateCount();
-  const BakePlan plan = makeBakePlan(params, 0, data.settings.seed);
+  const BakePlan plan = makeBakePlan(params, kScoreRays, 0, data.settings.seed);
   std::vector<float> clamps;
   for (std::size_t p = 0; p < layout.positions.size(); ++p)
     clamps.push_back(static_cast<float>(params.distance_clamp) * probeLengths(layout, p).support);

@@ -19,6 +19,7 @@ Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_sp
 struct CornerSettings {
   int k = 8;               // probes a corner
   bool visibility = true;  // only probes that the corner sees
+  double sharpness = 0;  // above 0: maximum-entropy weights (placement/maxent.h), not the kernel's
 };
 
 // The places that stand for a corner: itself if it is usable, else the usable ones among the

@@ -193,7 +193,7 @@ TEST(LatticeLayout, ProbesStayBetweenTheirNeighboursWhereWeightsFollowThem) {
 }
 
 TEST(ScatteredLayout, InterpolantsHaveNames) {
-  for (const char* name : {"lattice", "knn", "tetrahedra", "natural", "fitted"})
+  for (const char* name : {"lattice", "knn", "tetrahedra", "natural", "maxent", "fitted"})
     EXPECT_STREQ(interpolantName(parseInterpolant(name)), name);
   EXPECT_THROW(parseInterpolant("knm"), InputError);
 }

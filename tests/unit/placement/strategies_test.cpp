@@ -80,9 +80,9 @@ TEST(Strategies, GiveTheSameLayoutForTheSameSeed) {
 TEST(Strategies, ScatteredOnesTakeEveryInterpolant) {
   Place place(twoRooms());
 #ifdef PROBELAB_WITH_CGAL
-  const std::vector<std::string> interpolants = {"knn", "tetrahedra", "natural"};
+  const std::vector<std::string> interpolants = {"maxent", "knn", "tetrahedra", "natural"};
 #else
-  const std::vector<std::string> interpolants = {"knn", "natural"};
+  const std::vector<std::string> interpolants = {"maxent", "knn", "natural"};
 #endif
   for (const std::string& interpolant : interpolants)
     for (const int probes : {1, 2, 3, 30}) {

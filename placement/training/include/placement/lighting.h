@@ -13,6 +13,8 @@
 
 namespace probelab {
 
+inline constexpr std::size_t kMostStates = 128;
+
 struct Lighting {
   std::string name;
   bool own = false;  // a state of the scene; else generated
@@ -23,6 +25,7 @@ struct Lighting {
 // The scene's states of `split`, then `generated` others. Kinds follow the scene: lamps (one lamp a
 // state, at points of the reachable free space far from each other), suns (directions from which
 // the reachable space can be seen) and the sky alone; a scene without lights of its own gets lamps.
+// No more than kMostStates in all.
 std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& embree,
                                        const Reachability& reachability, Split split, int generated,
                                        uint64_t seed);

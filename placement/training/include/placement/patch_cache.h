@@ -27,8 +27,10 @@ namespace probelab {
 struct RaySample {
   int32_t patch = -1;  // -1: none
   Vec3f albedo;
-  float emission = 0, sky = 0;  // luminance
-  float distance_m = 0;         // negative at a black back face, kFarDistance on a miss
+  Vec3f emission;
+  float emitter_pdf = 0;  // density, per steradian, with which emitted() would find the hit
+  float sky = 0;          // luminance
+  float distance_m = 0;   // negative at a black back face, kFarDistance on a miss
 };
 
 class PatchCache {
@@ -45,16 +47,18 @@ class PatchCache {
   // [ray]; parallel.
   void trace(std::span<const Ray> rays, std::span<RaySample> samples) const;
 
-  // Adds weight * luminance of the radiance under every state to sum[state]. Emission may be left
-  // out where it is counted by emitted().
-  enum class Emission { with, without };
-  void addRadiance(const RaySample& sample, float weight, Emission emission,
+  // Adds weight * luminance of the radiance under every state to sum[state]; `emission_share` is
+  // the part of the emission that counts here (emitterShare).
+  void addRadiance(const RaySample& sample, float weight, float emission_share,
                    std::span<float> sum) const;
 
-  // Irradiance that emissive triangles send to a point themselves, from `samples` points on them.
-  // `origin` lies off the surface.
+  // Irradiance that emissive triangles send to a point, from `samples` points on them, for the
+  // part that `rays` cosine-weighted rays do not count (balance heuristic). `origin` lies off the
+  // surface.
   Vec3f emitted(const Vec3f& origin, const Vec3f& geometric_normal, const Vec3f& shading_normal,
-                int samples, Rng& rng) const;
+                int samples, int rays, Rng& rng) const;
+  // The part of what one of those rays brings that counts; `cosine` with the shading normal.
+  static float emitterShare(const RaySample& sample, float cosine, int samples, int rays);
 
  private:
   struct Point {
@@ -63,12 +67,14 @@ class PatchCache {
   struct Patch {
     std::vector<Point> points;
     uint32_t gathered = 0;  // rays
+    Vec3f emission;         // sum over its rays, as far as it counts there
     Vec3f sky;              // sum of the sky's radiance, scale 1, over its rays
   };
   struct Link {
     int32_t patch;
     Vec3f albedo;
   };
+  float pdfOf(const Hit& hit, const Ray& ray, const Surface& surface) const;
   int32_t findPatch(const Surface& surface) const;
   uint64_t keyOf(const Vec3f& p, const Vec3f& normal, const Vec3i& shift) const;
   void insertHits(std::span<const Ray> rays);

@@ -12,7 +12,8 @@
 
 namespace probelab {
 
-inline constexpr int kBakeRays = 512;
+inline constexpr int kSearchRays = 256;  // of a probe that a search tries
+inline constexpr int kScoreRays = 1024;  // of a layout's probe
 
 struct BakedProbe {
   Vec3f position;
@@ -28,7 +29,7 @@ struct BakePlan {
   float backface_shortening = 1;
   float distance_clamp_m = 0;
 };
-BakePlan makeBakePlan(const Params& params, float distance_clamp_m, uint64_t seed);
+BakePlan makeBakePlan(const Params& params, int rays, float distance_clamp_m, uint64_t seed);
 
 // [position]; parallel. Distances are held to the plan's clamp, or to one of its own for each.
 std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& plan,

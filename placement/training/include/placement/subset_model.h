@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // How well a set of probes answers at the train receivers, kept up to date while probes are added,
-// removed and moved one at a time. A receiver is answered by its k nearest visible probes with the
-// kernel of the `knn` interpolant, times facing and visibility as the field's query has them; a
+// removed and moved one at a time. A receiver is answered by its k nearest visible probes with
+// maximum-entropy weights, times facing and visibility as the field's query has them; a
 // change touches only the receivers around it.
 #pragma once
 
@@ -29,10 +29,23 @@ struct Objective {
   double relative = 0.3;
 };
 
+// Weight of a squared error where the truth is `e`, apart from the point's area.
+double errorWeight(const Training::Data& data, const Objective& objective, std::size_t state,
+                   double e);
+
+// What the field's query makes of a probe at a point, apart from the interpolation weight: facing,
+// visibility and crush; and the values that it averages, [state]. Moments and distances in metres
+// (Params::variance_bias counts in units of the distance).
+float queryGain(const QueryParams<float>& query, const QueryModes& modes, int moment_texels,
+                const Receiver& receiver, const BakedProbe& probe, float bias_length_m);
+void queryValues(const QueryModes& modes, int irradiance_texels, std::size_t states,
+                 const Vec3f& normal, const BakedProbe& probe, float* values);
+
 struct SubsetSettings {
-  int neighbours = 8;                             // k
-  float bias_length_m = 0, support_radius_m = 0;  // nominal lengths of the layout to be
-  float largest_reach_m = 0;  // no support is larger; beyond it the nearest probe answers
+  int neighbours = 12;        // k
+  float sharpness = 10;       // of the maximum-entropy kernel
+  float bias_length_m = 0;    // nominal s_i of the layout to be
+  float largest_reach_m = 0;  // a new probe farther away counts only where there is none
 };
 
 class SubsetModel {
@@ -48,6 +61,9 @@ class SubsetModel {
   };
   // Cost after a change minus cost before; the state stays as it is. Safe to call in parallel.
   double tryChange(const Change& change) const;
+  // The same where a sample of the receivers says that the cost falls; else an estimate of the
+  // rise.
+  double screenChange(const Change& change) const;
   // Receivers whose cost the change would alter, in ascending order.
   std::vector<uint32_t> touched(const Change& change) const;
 
@@ -68,6 +84,7 @@ class SubsetModel {
   struct Entry {
     int probe;
     int row;               // of values_, within the receiver's
+    Vec3f offset;          // from the receiver
     float distance, gain;  // gain: facing, visibility and crush
   };
   struct List {  // a receiver's nearest visible probes, by distance
@@ -75,12 +92,11 @@ class SubsetModel {
     bool complete = true;  // there are no more
   };
   struct Pair {  // a probe seen from a receiver
+    Vec3f offset;
     float distance = 0, gain = 0;
     bool visible = false;
   };
   Pair pairOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
-  float gainOf(std::size_t receiver, const BakedProbe& probe) const;
-  void valuesOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
   void estimateWith(std::size_t receiver, const Change& change, std::span<float> estimate) const;
   double costWith(std::size_t receiver, const Change& change) const;
   template <class Visit>

@@ -20,7 +20,7 @@ namespace probelab {
 
 struct TrainingSettings {
   int receivers = 6400;        // all of them in blocks of `split`
-  int lights = 16;             // generated states, beside the scene's own of `split`
+  int lights = 60;             // generated states, beside the scene's own of `split`
   Split split = Split::train;  // held-out ones check a search, they never steer it
   uint64_t seed = 0;
 };
