@@ -33,6 +33,16 @@ std::vector<double> stateWeights(const Training::Data& data, std::span<const flo
   return weights;
 }
 
+// The best lattice there is, sparse or not; or a sparse one that nobody has scored.
+ProbeLayout startLayout(const PlacementInput& input) {
+  if (choiceOption(input, "start", {"best", "sparse"}) == 1) return bestSparseLattice(input, false);
+  ProbeLayout sparse = bestSparseLattice(input, true);
+  ProbeLayout full = bestLattice(input);
+  return input.training.score(full, input.params) < input.training.score(sparse, input.params)
+             ? full
+             : sparse;
+}
+
 ProbeLayout placeOptimized(const PlacementInput& input) {
   const int pool = integerOption(input, "pool", 0, 1000);
   const double pool_share = numberOption(input, "pool_share", 0, 1);
@@ -40,7 +50,6 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   SearchSettings search;
   search.proposals_a_probe = numberOption(input, "proposals", 0, 1e6);
   search.swap_share = numberOption(input, "swaps", 0, 1);
-  const bool sweep = choiceOption(input, "start", {"sparse_best", "sparse"}) == 0;
 
   const bool own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
   FitSettings fit;
@@ -49,7 +58,7 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
 
   const FreeSpace space(input);
   const SceneDistance distance(*input.scene.geometry);
-  const ProbeLayout start = bestSparseLattice(input, sweep);
+  const ProbeLayout start = startLayout(input);
   Training::Data& data = input.training.data();
   const auto spacing = static_cast<float>(space.spacing(input.probes));
   search.probes = input.probes;
@@ -86,7 +95,8 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
 const Strategy kOptimizedStrategy = {
     "optimized", "probes where they lower the error most at train receivers, under many lights",
     scatteredOptions({
-        {"start", "sparse_best", "sparse_best | sparse", "the lattice to start from: swept or not"},
+        {"start", "best", "best | sparse",
+         "the lattice to start from: the best of all, or unscored"},
         {"lights", "all", "all | own",
          "all: also under generated lights; own: for the scene's train states alone"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
