@@ -205,7 +205,8 @@ void PatchCache::settle() {
       for (std::size_t c = 0; c < 3; ++c)
         for (std::size_t l = 0; l < states; ++l)
           fixed[(p * 3 + c) * states + l] +=
-              kPi / kGatherRays * lighting_[l].sky_scale * patches_[p].sky[c];
+              kPi / kGatherRays *
+              (patches_[p].emission[c] + lighting_[l].sky_scale * patches_[p].sky[c]);
   });
   irradiance_ = fixed;
   std::vector<float> next(fixed.size());

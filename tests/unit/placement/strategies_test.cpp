@@ -17,14 +17,16 @@ const std::vector<std::string> kRandom = {"jittered", "poisson"};
 
 // Quick options; `file` is tested on its own.
 OptionValues quickOptions(const std::string& name) {
-  if (name == "poisson_best") return {{"tries", "3"}};
-  return {};
+  std::vector<std::string> pairs;
+  if (name == "poisson_best") pairs = {"tries=3"};
+  if (name == "optimized") pairs = {"start=sparse", "proposals=4", "pool=4", "fit=4"};
+  return resolveOptions(findStrategy(name), pairs);
 }
 
 std::vector<std::string> names() {
   std::vector<std::string> result;
   for (const Strategy& strategy : strategies())
-    if (strategy.name != "file" && strategy.name != "optimized") result.push_back(strategy.name);
+    if (strategy.name != "file") result.push_back(strategy.name);
   return result;
 }
 
