@@ -6,6 +6,7 @@
 #include <numeric>
 #include <optional>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "trace/sampling.h"
 
@@ -44,12 +45,14 @@ class Search {
         settings_(settings),
         rng_(seed, RngStream::placement, 20) {}
 
-  uint64_t run() {
+  uint64_t run(const std::function<void(double)>& progress) {
     const auto rounds =
         static_cast<int>(std::ceil(settings_.proposals_a_probe * settings_.probes / kBatch));
     uint64_t tried = 0;
     for (int round = 0; round < rounds; ++round) {
+      throwIfInterrupted();
       const float done = static_cast<float>(round) / static_cast<float>(rounds);
+      if (progress) progress(static_cast<double>(done));
       longest_move_ = settings_.spacing_m * (kFirstStep * (1 - done) + kLastStep * done);
       if (round % kRemovalRounds == 0) findRemovalCosts();
       findCumulativeCosts();
@@ -68,8 +71,7 @@ class Search {
     removal_.assign(static_cast<std::size_t>(probes.back()) + 1, kNever);
     parallelFor(probes.size(), 4, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i)
-        if (!isPinned(probes[i]))
-          removal_[static_cast<std::size_t>(probes[i])] = model_.tryChange({probes[i], nullptr});
+        removal_[static_cast<std::size_t>(probes[i])] = model_.tryChange({probes[i], nullptr});
     });
   }
 
@@ -80,10 +82,6 @@ class Search {
     total_ = sum;
   }
 
-  bool isPinned(int probe) const {
-    const auto p = static_cast<std::size_t>(probe);
-    return p < settings_.pinned.size() && settings_.pinned[p] != 0;
-  }
   double removalCost(int probe) const {
     const auto p = static_cast<std::size_t>(probe);
     return p < removal_.size() ? removal_[p] : kNever;
@@ -107,7 +105,6 @@ class Search {
     const int probe = model_.probes()[rng_.nextBelow(model_.probes().size())];
     const Vec3f direction = randomDirection(rng_);
     const float step = longest_move_ * rng_.nextFloat();
-    if (isPinned(probe)) return std::nullopt;
     const Vec3f from = model_.probe(probe).position;
     const Vec3f to = from + direction * step;
     if (!(static_cast<double>(step) < distance_.clearance(from)) && !space_.lineFree(from, to))
@@ -195,8 +192,9 @@ class Search {
 
 uint64_t searchPositions(SubsetModel& model, const Training::Data& data, const BakePlan& plan,
                          const FreeSpace& space, const SceneDistance& distance,
-                         const SearchSettings& settings, uint64_t seed) {
-  return Search(model, model.judged(), data, plan, space, distance, settings, seed).run();
+                         const SearchSettings& settings, uint64_t seed,
+                         const std::function<void(double)>& progress) {
+  return Search(model, model.judged(), data, plan, space, distance, settings, seed).run(progress);
 }
 
 }  // namespace probelab

@@ -81,7 +81,8 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
       .relative = relative};
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
-  data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed);
+  data.evaluations +=
+      searchPositions(model, data, plan, space, distance, search, input.seed, input.progress);
   ProbeLayout layout = scatterProbes(space, model.positions());
   if (fit.iterations == 0) return layout;
   const CornerWeights fitted = fitWeights(data, judged, layout, cornerWeights(layout.influence),

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "base/rng.h"
 #include "shared/octahedral.h"
@@ -116,6 +117,7 @@ void PatchCache::insertHits(std::span<const Ray> rays) {
 void PatchCache::gather(std::size_t first, std::size_t last, uint64_t seed) {
   constexpr std::size_t kChunk = 1 << 14;  // patches
   for (std::size_t begin = first; begin < last; begin += kChunk) {
+    throwIfInterrupted();
     const std::size_t end = std::min(last, begin + kChunk);
     std::vector<Ray> rays((end - begin) * kGatherRays);
     parallelFor(end - begin, 256, [&](std::size_t b, std::size_t e) {
@@ -211,6 +213,7 @@ void PatchCache::settle() {
   irradiance_ = fixed;
   std::vector<float> next(fixed.size());
   for (int bounce = 0; bounce < kMaxBounces; ++bounce) {
+    throwIfInterrupted();
     parallelFor(patches_.size(), 256, [&](std::size_t begin, std::size_t end) {
       for (std::size_t p = begin; p < end; ++p) {
         float* sum = &next[p * 3 * states];

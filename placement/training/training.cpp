@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "ddgi/snapshot.h"
 #include "placement/probe_bake.h"
@@ -58,6 +59,7 @@ void traceTruth(Training::Data& data) {
   const std::size_t states = data.patches->stateCount();
   data.truth.assign(data.receivers.size() * states, 0.0f);
   for (std::size_t first = 0; first < data.receivers.size(); first += kChunk) {
+    throwIfInterrupted();
     const std::size_t count = std::min(kChunk, data.receivers.size() - first);
     const auto part = std::span<const Receiver>(data.receivers).subspan(first, count);
     const std::vector<Ray> rays = receiverRays(data, part, first, kReceiverRays);
@@ -188,6 +190,7 @@ std::vector<double> squaredErrors(const Training::Data& data, std::span<const fl
 
 double Training::score(const ProbeLayout& layout, const Params& params) {
   Data& d = data();
+  throwIfInterrupted();
   ++d.evaluations;
   validateLayout(layout, params);
   double sum = 0;

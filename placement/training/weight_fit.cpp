@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 
 namespace probelab {
@@ -237,6 +238,7 @@ CornerWeights fitWeights(const Training::Data& data, const JudgedPoints& judged,
   std::vector<double> unknowns = start, logs(n, 0.0), gradient, first(n, 0.0), second(n, 0.0);
   double pull = 0;
   for (int i = 1; i <= settings.iterations; ++i) {
+    throwIfInterrupted();
     const double cost = costAndGradient(problem, unknowns, gradient);
     if (i == 1) pull = settings.stiffness * cost / static_cast<double>(n);
     const double rate = kRate * (1 - static_cast<double>(i) / (settings.iterations + 1));

@@ -5,7 +5,7 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
+#include <functional>
 
 #include "placement/distance.h"
 #include "placement/free_space.h"
@@ -18,13 +18,13 @@ struct SearchSettings {
   double proposals_a_probe = 0;  // in all, times the budget
   double swap_share = 0;         // of the proposals; the others are moves
   float spacing_m = 0;
-  float wall_gap_m = 0;         // kept between probes and surfaces
-  std::vector<uint8_t> pinned;  // [index in the model]: stays
+  float wall_gap_m = 0;  // kept between probes and surfaces
 };
 
-// Proposals that were tried.
+// The number of proposals that were tried. `progress` gets the share done. Throws Interrupted.
 uint64_t searchPositions(SubsetModel& model, const Training::Data& data, const BakePlan& plan,
                          const FreeSpace& space, const SceneDistance& distance,
-                         const SearchSettings& settings, uint64_t seed);
+                         const SearchSettings& settings, uint64_t seed,
+                         const std::function<void(double)>& progress = {});
 
 }  // namespace probelab
