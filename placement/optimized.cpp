@@ -63,7 +63,7 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   const auto spacing = static_cast<float>(space.spacing(input.probes));
   search.probes = input.probes;
   search.spacing_m = spacing;
-  search.wall_gap_m = 0.02f * spacing;
+  search.wall_gap_m = static_cast<float>(numberOption(input, "wall_gap", 0, 0.4)) * spacing;
   const SubsetSettings settings = {
       .neighbours = kNeighbours,
       .sharpness = static_cast<float>(numberOption(input, "sharpness", 0.01, 100)),
@@ -102,6 +102,7 @@ const Strategy kOptimizedStrategy = {
          "all: also under generated lights; own: for the scene's train states alone"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
+        {"wall_gap", "0.02", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
         {"pool", "40", "0 .. 1000", "candidates a probe that the set should make superfluous"},
         {"pool_share", "0.7", "0 .. 1", "their share of the cost; train receivers have the rest"},
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
