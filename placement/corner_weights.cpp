@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "placement/barycentric.h"
 #include "placement/nearest_probes.h"
@@ -35,6 +36,7 @@ template <class Fill>
 void forCorners(const Lattice& corners, const FreeSpace& space, const Fill& fill) {
   parallelFor(static_cast<std::size_t>(corners.pointCount()), 64,
               [&](std::size_t begin, std::size_t end) {
+                throwIfInterrupted();
                 for (std::size_t i = begin; i < end; ++i) {
                   const std::vector<Vec3f> from = viewpoints(corners, i, space);
                   if (!from.empty()) fill(i, from);

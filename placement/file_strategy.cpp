@@ -46,8 +46,14 @@ void checkProbes(const PlacementInput& input, const std::string& path,
 ProbeLayout placeFile(const PlacementInput& input) {
   const std::string& path = input.options.at("path");
   if (path.empty()) throwInput("strategy 'file': --option path=FILE is needed");
+  std::error_code ec;
+  if (std::filesystem::exists(path, ec) && !std::filesystem::is_regular_file(path, ec))
+    throwInput("{}: is no regular file", path);
   const std::string extension = extensionOf(path);
   if (extension == ".json") {
+    for (const StrategyOption& option : scatteredOptions())
+      if (input.options.at(option.name) != option.fallback)
+        throwInput("--option {}: {} is a layout and brings its own weights", option.name, path);
     ProbeLayout layout = readLayout(path, input.scene);
     checkProbes(input, path, layout.positions);
     return layout;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "placement/free_space.h"
 
@@ -148,6 +149,7 @@ std::vector<LatticeBox> likelyBoxes(const PlacementInput& input) {
 std::vector<uint8_t> usablePoints(const Lattice& lattice, const PlacementInput& input) {
   std::vector<uint8_t> keep(static_cast<std::size_t>(lattice.pointCount()));
   parallelFor(keep.size(), 64, [&](std::size_t begin, std::size_t end) {
+    throwIfInterrupted();
     for (std::size_t i = begin; i < end; ++i)
       keep[i] = isUsable(input, lattice.position(static_cast<int>(i))) ? 1 : 0;
   });

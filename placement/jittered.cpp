@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "placement/grid.h"
 #include "placement/random_layouts.h"
@@ -23,6 +24,7 @@ std::vector<Vec3f> jitter(const FreeSpace& space, const Vec3i& cells, double jit
   std::vector<std::optional<Vec3f>> place(static_cast<std::size_t>(cells.x) * cells.y * cells.z);
   const auto half = edge * static_cast<float>(0.5 * jitter_share);
   parallelFor(place.size(), 64, [&](std::size_t begin, std::size_t end) {
+    throwIfInterrupted();
     for (std::size_t i = begin; i < end; ++i) {
       const auto c = static_cast<int>(i);
       const Vec3f at(Vec3i(c % cells.x, c / cells.x % cells.y, c / (cells.x * cells.y)));

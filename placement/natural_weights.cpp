@@ -3,6 +3,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "placement/corner_weights.h"
 #include "placement/nearest_probes.h"
@@ -80,6 +81,7 @@ CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& p
   CornerWeights weights(static_cast<std::size_t>(corners.pointCount()));
   std::vector<uint8_t> usable(weights.size());
   parallelFor(usable.size(), 64, [&](std::size_t begin, std::size_t end) {
+    throwIfInterrupted();
     for (std::size_t i = begin; i < end; ++i)
       usable[i] = space.usable(corners.position(static_cast<int>(i))) ? 1 : 0;
   });
@@ -91,6 +93,7 @@ CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& p
   std::vector<std::vector<Claim>> claims(static_cast<std::size_t>(samples.count().z));
   parallelFor(claims.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t layer = begin; layer < end; ++layer) {
+      throwIfInterrupted();
       claimLayer(samples, positions, probes, usable, space, settings.visibility,
                  static_cast<int>(layer), claims[layer]);
       std::sort(claims[layer].begin(), claims[layer].end());

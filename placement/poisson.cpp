@@ -8,6 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "base/interrupt.h"
 #include "placement/random_layouts.h"
 #include "placement/scattered.h"
 #include "placement/training.h"
@@ -90,6 +91,7 @@ std::vector<Vec3f> throwDarts(const FreeSpace& space, const Clearance& clearance
   for (double share = 1; placed.size() < wanted; share *= kShrink) {
     const double radius = share * kFirstRadius * spacing, wall = share * wall_share * spacing;
     for (std::size_t dart = 0; dart < kDartsAProbe * wanted && placed.size() < wanted; ++dart) {
+      if (dart % 256 == 0) throwIfInterrupted();
       const Vec3f p = space.candidate(rng);
       if (disks.anyWithin(p, static_cast<float>(radius)) || clearance.at(p) < wall ||
           !space.usable(p))

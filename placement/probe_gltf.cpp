@@ -179,7 +179,10 @@ void addPoints(const File& file, std::size_t accessor_index, const Mat4d& to_wor
   const std::size_t stride = countOf(file, view, "byteStride", 12, "a bufferView");
   const std::size_t begin = countOf(file, view, "byteOffset", 0, "a bufferView") +
                             countOf(file, accessor, "byteOffset", 0, element);
-  if (stride < 12 || (count > 0 && begin + (count - 1) * stride + 12 > bytes.size()))
+  // None of these can overflow: count is below 2^25, and the others are below 2^42.
+  const bool fits = begin + 12 <= bytes.size() &&
+                    (count <= 1 || stride <= (bytes.size() - begin - 12) / (count - 1));
+  if (stride < 12 || (count > 0 && !fits))
     throwInput("{}: {}: it reaches beyond its buffer", file.name, element);
   for (std::size_t i = 0; i < count; ++i) {
     float p[3];

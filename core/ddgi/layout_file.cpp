@@ -360,6 +360,38 @@ void writeLayout(const std::filesystem::path& path, const ProbeLayout& layout, c
   writeTextFile(path, text + "\n ]\n}\n");
 }
 
+namespace {
+
+constexpr float kSlack = 1e-3f;         // of a spacing
+constexpr float kLongestLength = 1e3f;  // of the bounds' diagonal
+
+// What a strategy never writes though each number alone would do: probes away from their lattice
+// points, voxels that leave a part of the bounds out, lengths beyond all measure.
+void checkPlaces(const ProbeLayout& layout, const std::string& file) {
+  const float longest = kLongestLength * length(layout.bounds.extent());
+  if (!(layout.bias_length_m < longest) || !(layout.support_radius_m < longest))
+    throwInput("{}: lengths of {} and {} m do not go with bounds of {} m", file,
+               layout.bias_length_m, layout.support_radius_m, length(layout.bounds.extent()));
+  for (std::size_t i = 0; i < layout.probe_of_point.size(); ++i) {
+    if (layout.probe_of_point[i] < 0) continue;
+    const auto probe = static_cast<std::size_t>(layout.probe_of_point[i]);
+    const Vec3f away = (layout.positions[probe] - layout.lattice.position(static_cast<int>(i))) /
+                       layout.lattice.spacing;
+    if (!(length(away) <= 1 + kSlack))
+      throwInput("{}: probe {} lies {:g} spacings from its lattice point", file, probe,
+                 length(away));
+  }
+  if (layout.interpolant == Interpolant::lattice) return;
+  const Lattice& corners = layout.influence.corners;
+  const Vec3f last = corners.position(corners.pointCount() - 1), slack = corners.spacing * kSlack;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (!(corners.first[axis] <= layout.bounds.min[axis] + slack[axis]) ||
+        !(last[axis] >= layout.bounds.max[axis] - slack[axis]))
+      throwInput("{}: influence: its voxels do not cover the bounds", file);
+}
+
+}  // namespace
+
 ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene) {
   const std::string file = path.string();
   const Json json = parseObject(readTextFile(path), file);
@@ -397,6 +429,7 @@ ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene) {
     layout.influence = readInfluence(root.member("influence"), root.path("influence"), scene);
   }
   validateLayout(layout, file);
+  checkPlaces(layout, file);
   return layout;
 }
 

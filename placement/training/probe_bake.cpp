@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "ddgi/directions.h"
 
@@ -67,6 +68,7 @@ std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& pl
   std::vector<BakedProbe> probes(positions.size());
   const std::size_t rays = plan.directions.size();
   parallelFor(positions.size(), 8, [&](std::size_t begin, std::size_t end) {
+    throwIfInterrupted();
     std::vector<Ray> batch;
     for (std::size_t p = begin; p < end; ++p)
       for (const Vec3f& d : plan.directions) batch.push_back(Ray{positions[p], 0, d, kFarDistance});
