@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -163,15 +164,20 @@ Placed placeByError(const PlaceOptions& options, const Params& params,
     FieldOptions sized = options.field;
     sized.probes = probes;
     std::optional<double> train;
+    bool placed = false;
     try {
-      const Trial& trial =
-          trials.emplace(probes, tryBudget(setup, params, sized, receivers, invocation))
-              .first->second;
-      train = trial.train;
-      if (!train) refusal = "no train receiver gets light in this state";
+      train = trials.emplace(probes, tryBudget(setup, params, sized, receivers, invocation))
+                  .first->second.train;
+      placed = true;
     } catch (const InputError& error) {
       refusal = error.what();
     }
+    // So it is for every budget.
+    if (placed && !train)
+      throwInput(
+          "--max-nrmse: no train receiver gets light in state '{}', and nrmse is undefined "
+          "without light; add a light, or choose another --state",
+          setup.scene.state);
     note(invocation, "at most {} probes: {}", probes,
          train ? fmt::format("nrmse {} on train receivers", formatNumber(*train)) : refusal);
     return train;
@@ -296,12 +302,32 @@ Json outlineOf() {
           {"seed", 0}};
 }
 
+// No output may replace what the command reads, nor a GLB that holds anything but probes.
+void protectFiles(const PlaceOptions& options, const OptionValues& strategy_options) {
+  namespace fs = std::filesystem;
+  const auto path = strategy_options.find("path");
+  const std::string probes = path == strategy_options.end() ? "" : path->second;
+  for (const std::string& output : {options.output, options.glb}) {
+    std::error_code ec;  // a file that is missing is not the same as another
+    if (fs::equivalent(output, options.scene.scene, ec))
+      throwInput("{}: is the scene; name another output", output);
+    if (fs::equivalent(output, probes, ec))
+      throwInput("{}: is read as --option path; name another output", output);
+  }
+  std::error_code ec;
+  if (fs::exists(options.glb, ec) && !isProbesGlb(options.glb))
+    throwInput(
+        "--glb {}: exists already and is no file of probes that probelab wrote; name another",
+        options.glb);
+}
+
 void runPlace(const PlaceOptions& options, const Invocation& invocation) {
   checkOutput(options.output, ".json");
   if (!options.glb.empty()) checkOutput(options.glb, ".glb");
   checkRequirementNames(invocation.common.require, outlineOf());
   const Params params = resolveParams(options.field);
-  resolveOptions(findStrategy(options.field.strategy), strategyOptionPairs(options.field));
+  protectFiles(options, resolveOptions(findStrategy(options.field.strategy),
+                                       strategyOptionPairs(options.field)));
   const Placed placed = options.max_nrmse ? placeByError(options, params, invocation)
                                           : placeBudget(options, params, invocation);
   const Scene& scene = placed.scene;

@@ -15,7 +15,8 @@
 namespace probelab {
 namespace {
 
-constexpr double kRadius = 0.1;  // of a probe's bias length
+constexpr const char* kGenerator = "probelab ";  // then the version
+constexpr double kRadius = 0.1;                  // of a probe's bias length
 constexpr std::array<std::array<float, 3>, 6> kCorners = {
     {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}}};
 constexpr std::array<uint16_t, 24> kTriangles = {0, 2, 4, 2, 1, 4, 1, 3, 4, 3, 0, 4,
@@ -50,7 +51,7 @@ std::string meshBytes() {
 
 Json describeMeshes() {
   constexpr int kFloat = 5126, kUnsignedShort = 5123, kVertices = 34962, kIndices = 34963;
-  Json gltf = {{"asset", {{"version", "2.0"}, {"generator", "probelab " + buildInfo().version}}},
+  Json gltf = {{"asset", {{"version", "2.0"}, {"generator", kGenerator + buildInfo().version}}},
                {"buffers", Json::array({{{"byteLength", sizeof(kCorners) + sizeof(kTriangles)}}})}};
   gltf["bufferViews"] = {{{"buffer", 0}, {"byteLength", sizeof(kCorners)}, {"target", kVertices}},
                          {{"buffer", 0},
@@ -98,6 +99,15 @@ std::string glbBytes(const Json& gltf, const std::string& binary) {
          std::string("BIN\0", 4) + binary;
 }
 
+constexpr std::size_t kJsonLengthAt = 12, kJsonAt = 20;  // in a GLB
+
+std::size_t readWord(const std::string& bytes, std::size_t at) {
+  std::size_t value = 0;
+  for (std::size_t i = 0; i < 4; ++i)
+    value |= static_cast<std::size_t>(static_cast<uint8_t>(bytes[at + i])) << (8 * i);
+  return value;
+}
+
 }  // namespace
 
 void writeProbesGlb(const std::filesystem::path& path, const ProbeLayout& layout,
@@ -117,6 +127,16 @@ void writeProbesGlb(const std::filesystem::path& path, const ProbeLayout& layout
   gltf["scenes"] = Json::array({{{"name", "probes"}, {"nodes", std::move(roots)}}});
   gltf["scene"] = 0;
   writeTextFile(path, glbBytes(gltf, meshBytes()));
+}
+
+bool isProbesGlb(const std::filesystem::path& path) {
+  const std::string bytes = readTextFile(path);
+  if (bytes.size() < kJsonAt || !bytes.starts_with("glTF")) return false;
+  const Json gltf = Json::parse(bytes.substr(kJsonAt, readWord(bytes, kJsonLengthAt)), nullptr,
+                                /*allow_exceptions=*/false);
+  const Json::json_pointer name("/asset/generator");
+  return gltf.is_object() && gltf.contains(name) && gltf[name].is_string() &&
+         gltf[name].get<std::string>().starts_with(kGenerator);
 }
 
 }  // namespace probelab

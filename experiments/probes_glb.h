@@ -18,4 +18,7 @@ namespace probelab {
 void writeProbesGlb(const std::filesystem::path& path, const ProbeLayout& layout,
                     const Scene& scene, const std::vector<uint8_t>& active);
 
+// Whether writeProbesGlb wrote the file at `path`, by the generator that its glTF asset names.
+bool isProbesGlb(const std::filesystem::path& path);
+
 }  // namespace probelab

@@ -261,6 +261,42 @@ class Refusals(PlaceTest):
         self.assert_refused("place", "room.toml", "-o", "l.csv", words=(".json",))
         self.assert_refused("place", "room.toml", words=("-o",))
 
+    def test_outputs_replace_no_input_and_no_other_glb(self):
+        def kept(path, *command, words):
+            before = path.read_bytes()
+            with self.subTest(command=command):
+                self.assert_refused("place", *command, words=words)
+                self.assertEqual(path.read_bytes(), before)
+
+        self.place("--glb", "probes.glb", probes=8)
+        self.place("--glb", "probes.glb", probes=8)  # its own files may be replaced
+        new = ("-o", "new.json")
+        room, probes, layout = (self.folder / n for n in ("room.glb", "probes.glb", "layout.json"))
+        # The geometry of the scene, and the scene itself by another name.
+        kept(room, "room.toml", *new, "--glb", "room.glb", words=("room.glb", "file of probes"))
+        (self.folder / "link.glb").symlink_to("room.glb")
+        kept(room, "room.glb", *new, "--glb", "link.glb", words=("link.glb", "scene"))
+        for name, data in (("empty.glb", b""), ("cut.glb", probes.read_bytes()[:60]),
+                           ("other.glb", probes.read_bytes().replace(b"probelab ", b"modeller "))):
+            other = self.folder / name
+            other.write_bytes(data)
+            kept(other, "room.toml", *new, "--glb", name, words=(name, "file of probes"))
+        # What strategy `file` reads.
+        read = ("room.toml", "--strategy", "file", "--option")
+        kept(probes, *read, "path=probes.glb", *new, "--glb", "./probes.glb", words=("--option path",))
+        kept(layout, *read, "path=layout.json", "-o", "./layout.json", words=("--option path",))
+
+    def test_a_search_needs_light(self):
+        write_glb(self.folder / "dark.glb")
+        result = self.run_program("place", "dark.glb", *FIELD, *TRUTH, "-o", "l.json",
+                                  "--max-nrmse", "0.1")
+        self.assertEqual((result.returncode, result.stdout), (2, ""), result.stderr)
+        last = result.stderr.splitlines()[-1]
+        for words in ("probelab: --max-nrmse", "undefined without light"):
+            self.assertIn(words, last)
+        self.assertNotIn("at most 8 probes", result.stderr)
+        self.assertFalse((self.folder / "l.json").exists())
+
     def test_a_search_needs_train_receivers(self):
         (self.folder / "points.csv").write_text("0,1,0,0,1,0\n")
         self.run_ok("receivers", "room.toml", "-o", "r.json", "--points", "points.csv", "--spp", 8,
