@@ -248,7 +248,7 @@ TEST(Options, ResolveToDefaultsAndRejectWhatIsWrong) {
   has(message([&] { placeProbes("grid", place.input(8, 1, {{"box", "fre"}})); }), "free");
   has(message([&] { placeProbes("grid", place.input(8, 1, {{"boxx", "free"}})); }), "box");
   has(message([&] { placeProbes("grid", place.input(0)); }), "--probes 0");
-  has(message([&] { placeProbes("poisson", place.input(8, 1, {{"k", "0"}})); }), "k=0");
+  has(message([&] { placeProbes("poisson", place.input(8, 1, {{"k", "-1"}})); }), "k=-1");
 }
 
 }  // namespace
