@@ -35,11 +35,11 @@ std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
                  "what weighs the probes: maximum entropy, k nearest, natural neighbours, Delaunay "
                  "tetrahedra"});
   own.push_back(
-      {"k", "0", "0 .. 64", "probes that count at a place, with maxent and knn; 0: 16 and 8"});
+      {"k", "0", "0 .. 64", "probes that count at a place; 0: 16 with maxent, 8 with knn"});
   own.push_back({"sharpness", "10", "0.01 .. 100",
                  "with maxent: of the kernel; low ones smooth, high ones tend to tetrahedra"});
   own.push_back({"visibility", "on", "on | off", "only probes that a place sees count there"});
-  own.push_back({"cells", "2", "0.5 .. 8", "voxels of the query's index, a mean spacing"});
+  own.push_back({"cells", "2", "0.5 .. 8", "voxels of the query's index along one mean spacing"});
   return own;
 }
 

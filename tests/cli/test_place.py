@@ -119,7 +119,7 @@ class Place(PlaceTest):
     def test_help_lists_strategies_and_the_options_of_one(self):
         page = self.run_ok("place", "--strategy", "poisson", "--help").stdout
         for words in ("\nStrategies\n", "\n  grid_best ", "\nOptions of poisson (", "clearance=0 .. ",
-                      "(default: knn)"):
+                      "(default: maxent)"):
             self.assertIn(words, page)
         self.assertIn("\nOptions of grid (", self.run_ok("place", "--help").stdout)
 
@@ -140,7 +140,7 @@ class UseOfALayout(PlaceTest):
         self.place("--strategy", "poisson")
         text = self.run_ok("evaluate", "room.toml", *FIELD, *TRUTH, "--layout",
                            "layout.json").stdout
-        self.assertIn("27 stored, 27 active, poisson, interpolant knn", text)
+        self.assertIn("27 stored, 27 active, poisson, interpolant maxent", text)
 
     def test_render_and_bench_take_one(self):
         self.place("--strategy", "poisson")
