@@ -119,7 +119,7 @@ class Place(PlaceTest):
     def test_help_lists_strategies_and_the_options_of_one(self):
         page = self.run_ok("place", "--strategy", "poisson", "--help").stdout
         for words in ("\nStrategies\n", "\n  grid_best ", "\nOptions of poisson (", "clearance=0 .. ",
-                      "(default: maxent)"):
+                      "interpolant=maxent | knn"):
             self.assertIn(words, page)
         self.assertIn("\nOptions of grid (", self.run_ok("place", "--help").stdout)
 
