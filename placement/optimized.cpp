@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// `optimized`: starts from the best sparse lattice and moves, adds and swaps probes against the
-// truth at train receivers and the pool's candidates, under the scene's train states and generated
-// ones. Each state counts by its error under the start, so that no light is sacrificed for another.
+// `optimized`: starts from the best lattice and moves, adds and swaps probes against the truth at
+// train receivers and the pool's candidates, under the scene's train states and generated ones.
+// Each state counts by its error under the start, so that no light is sacrificed for another.
 #include "placement/optimized.h"
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kNeighbours = 12;           // that the search looks at
 constexpr float kSupportSpacings = 2.2f;  // typical support radius over the spacing
-constexpr float kReachSpacings = 3.0f;    // largest support
+constexpr float kReachSpacings = 3.0f;    // beyond, a new probe counts only where there is none
 
 // 1 / error^2 of the start under each state, so that the sum falls as their geometric mean does.
 std::vector<double> stateWeights(const Training::Data& data, std::span<const float> estimates,
@@ -33,11 +33,19 @@ std::vector<double> stateWeights(const Training::Data& data, std::span<const flo
   return weights;
 }
 
+// The input with a part of its progress, so that the whole runs from 0 to 1 once.
+PlacementInput partOf(const PlacementInput& input, double from, double to) {
+  PlacementInput part = input;
+  if (input.progress)
+    part.progress = [&input, from, to](double done) { input.progress(from + done * (to - from)); };
+  return part;
+}
+
 // The best lattice there is, sparse or not; or a sparse one that nobody has scored.
 ProbeLayout startLayout(const PlacementInput& input) {
   if (choiceOption(input, "start", {"best", "sparse"}) == 1) return bestSparseLattice(input, false);
-  ProbeLayout sparse = bestSparseLattice(input, true);
-  ProbeLayout full = bestLattice(input);
+  ProbeLayout sparse = bestSparseLattice(partOf(input, 0, 0.15), true);
+  ProbeLayout full = bestLattice(partOf(input, 0.15, 0.3));
   return input.training.score(full, input.params) < input.training.score(sparse, input.params)
              ? full
              : sparse;
@@ -81,8 +89,8 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
       .relative = relative};
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
-  data.evaluations +=
-      searchPositions(model, data, plan, space, distance, search, input.seed, input.progress);
+  data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
+                                      partOf(input, 0.3, 1).progress);
   ProbeLayout layout = scatterProbes(space, model.positions());
   if (fit.iterations == 0) return layout;
   const CornerWeights fitted = fitWeights(data, judged, layout, cornerWeights(layout.influence),

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "base/rng.h"
-#include "shared/octahedral.h"
 
 namespace probelab {
 namespace {
@@ -47,20 +46,15 @@ void addPool(JudgedPoints& judged, const Training::Data& data, const BakePlan& p
   }
   const std::vector<BakedProbe> baked = bakeProbes(*data.patches, plan, positions);
   const std::size_t states = data.stateCount();
+  QueryModes linear{};
+  linear.average = PL_AVERAGE_LINEAR;  // the mean itself, not its root
   for (Receiver& r : judged.points) r.area *= 1 - settings.share;
   for (std::size_t i = 0; i < points.size(); ++i) {
     points[i].area *= settings.share / area;
     judged.points.push_back(points[i]);
-    const OctTaps<float> t = octTaps(points[i].normal, plan.irradiance_texels, 0);
-    for (std::size_t l = 0; l < states; ++l) {
-      const auto at = [&](int texel) {
-        return baked[i].mean_radiance[static_cast<std::size_t>(texel) * states + l];
-      };
-      judged.truth.push_back((at(t.texel_00) * (1 - t.fraction_x) + at(t.texel_10) * t.fraction_x) *
-                                 (1 - t.fraction_y) +
-                             (at(t.texel_01) * (1 - t.fraction_x) + at(t.texel_11) * t.fraction_x) *
-                                 t.fraction_y);
-    }
+    judged.truth.resize(judged.truth.size() + states);
+    queryValues(linear, plan.irradiance_texels, states, points[i].normal, baked[i],
+                &judged.truth[judged.truth.size() - states]);
   }
 }
 

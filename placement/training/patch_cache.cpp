@@ -25,8 +25,6 @@ constexpr double kSettled = 1e-3;
 
 constexpr int kEmitterSamples = 4;  // of a patch's point
 
-float luminanceOf(const Vec3f& v) { return 0.2126f * v.x + 0.7152f * v.y + 0.0722f * v.z; }
-
 Sky withUnitScale(Sky sky) {
   sky.scale = 1;
   return sky;
@@ -53,7 +51,9 @@ PatchCache::PatchCache(const Scene& scene, const EmbreeScene& embree,
   const Box3f& box = scene.geometry->triangles.empty() ? scene.bounds : scene.geometry->box;
   cell_m_ = length(box.extent()) / kCellsPerDiagonal;
   low_ = box.min - Vec3f(0.37f * cell_m_);  // so that walls on round coordinates lie within cells
-  insertHits(start);
+  std::vector<Hit> hits(start.size());
+  embree.closest(start, hits);
+  insertHits(start, hits);
   for (std::size_t done = 0; done < patches_.size();) {
     const std::size_t last = patches_.size();
     gather(done, last, seed);
@@ -91,9 +91,7 @@ int32_t PatchCache::findPatch(const Surface& surface) const {
 }
 
 // Makes patches of what the rays hit, or adds points to those that have few.
-void PatchCache::insertHits(std::span<const Ray> rays) {
-  std::vector<Hit> hits(rays.size());
-  embree_.closest(rays, hits);
+void PatchCache::insertHits(std::span<const Ray> rays, std::span<const Hit> hits) {
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (hits[i].primitive == kNoHit) continue;
     const Surface surface = surfaceAt(*scene_.geometry, materials_, hits[i], rays[i].direction);
@@ -107,7 +105,7 @@ void PatchCache::insertHits(std::span<const Ray> rays) {
       links_.emplace_back();
     }
     Patch& patch = patches_[static_cast<std::size_t>(found->second)];
-    if (patch.points.size() >= kPoints || patch.gathered > 0) continue;
+    if (patch.points.size() >= kPoints || patch.gathered) continue;
     const Vec3f& n = surface.geometric_normal;
     patch.points.push_back({offsetOrigin(surface.point, n, n), n, surface.shading_normal});
   }
@@ -123,7 +121,7 @@ void PatchCache::gather(std::size_t first, std::size_t last, uint64_t seed) {
     parallelFor(end - begin, 256, [&](std::size_t b, std::size_t e) {
       for (std::size_t i = b; i < e; ++i) {
         Patch& patch = patches_[begin + i];
-        patch.gathered = kGatherRays;
+        patch.gathered = true;
         Rng rng(seed, RngStream::placement, 2, begin + i);
         const Vec2f turn(rng.nextFloat(), rng.nextFloat());
         for (int r = 0; r < kGatherRays; ++r) {
@@ -136,9 +134,9 @@ void PatchCache::gather(std::size_t first, std::size_t last, uint64_t seed) {
         }
       }
     });
-    insertHits(rays);
     std::vector<Hit> hits(rays.size());
     embree_.closest(rays, hits);
+    insertHits(rays, hits);
     parallelFor(end - begin, 256, [&](std::size_t b, std::size_t e) {
       for (std::size_t i = b; i < e; ++i) {
         Patch& patch = patches_[begin + i];
@@ -174,10 +172,10 @@ void PatchCache::lightPatches() {
   const std::size_t states = stateCount();
   irradiance_.assign(patches_.size() * 3 * states, 0.0f);
   parallelFor(patches_.size(), 128, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t p = begin; p < end; ++p)
+    for (std::size_t p = begin; p < end; ++p) {
+      Rng rng(0, RngStream::placement, 3, p);
       for (const Point& point : patches_[p].points) {
         const float count = static_cast<float>(patches_[p].points.size());
-        Rng rng(0, RngStream::placement, 3, p);
         const Vec3f emitter = emitted(point.origin, point.geometric_normal, point.shading_normal,
                                       kEmitterSamples * static_cast<int>(patches_[p].points.size()),
                                       kGatherRays, rng);
@@ -195,6 +193,7 @@ void PatchCache::lightPatches() {
           }
         }
       }
+    }
   });
 }
 
@@ -253,8 +252,7 @@ void PatchCache::trace(std::span<const Ray> rays, std::span<RaySample> samples) 
       RaySample& sample = samples[i] = {};
       if (hits[i].primitive == kNoHit) {
         sample.distance_m = kFarDistance;
-        if (rays[i].t_max > 0)
-          sample.sky = luminanceOf(emitters_.sky().radiance(rays[i].direction));
+        if (rays[i].t_max > 0) sample.sky = luminance(emitters_.sky().radiance(rays[i].direction));
         continue;
       }
       const Surface s = surfaceAt(*scene_.geometry, materials_, hits[i], rays[i].direction);
@@ -296,7 +294,7 @@ Vec3f PatchCache::emitted(const Vec3f& origin, const Vec3f& geometric_normal,
 void PatchCache::addRadiance(const RaySample& sample, float weight, float emission_share,
                              std::span<float> sum) const {
   const std::size_t states = stateCount();
-  if (const float emission = luminanceOf(sample.emission) * emission_share; emission != 0)
+  if (const float emission = luminance(sample.emission) * emission_share; emission != 0)
     for (std::size_t l = 0; l < states; ++l) sum[l] += weight * emission;
   if (sample.sky != 0)
     for (std::size_t l = 0; l < states; ++l) sum[l] += weight * sample.sky * lighting_[l].sky_scale;

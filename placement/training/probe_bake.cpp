@@ -83,4 +83,14 @@ std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& pl
   return probes;
 }
 
+LayoutBake bakeLayout(const PatchCache& patches, const ProbeLayout& layout, const Params& params,
+                      uint64_t seed) {
+  LayoutBake bake{makeBakePlan(params, kScoreRays, 0, seed), {}};
+  std::vector<float> clamps;
+  for (std::size_t p = 0; p < layout.positions.size(); ++p)
+    clamps.push_back(static_cast<float>(params.distance_clamp) * probeLengths(layout, p).support);
+  bake.probes = bakeProbes(patches, bake.plan, layout.positions, clamps);
+  return bake;
+}
+
 }  // namespace probelab

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "base/parallel.h"
 #include "placement/maxent.h"
 #include "shared/query.h"
 
@@ -221,15 +220,6 @@ double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
     cost += weight[l] * d * d;
   }
   return static_cast<double>(cost);
-}
-
-std::vector<float> SubsetModel::estimates() const {
-  std::vector<float> all(lists_.size() * states_);
-  parallelFor(lists_.size(), 64, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t r = begin; r < end; ++r)
-      estimateWith(r, {}, std::span(all).subspan(r * states_, states_));
-  });
-  return all;
 }
 
 template <class Visit>

@@ -80,7 +80,7 @@ void traceTruth(Training::Data& data) {
         const Vec3f e =
             data.patches->emitted(rays[i * kReceiverRays].origin, part[i].normal, part[i].normal,
                                   kReceiverEmitterSamples, kReceiverRays, rng);
-        for (float& v : sum) v += (0.2126f * e.x + 0.7152f * e.y + 0.0722f * e.z) / kPi;
+        for (float& v : sum) v += luminance(e) / kPi;
       }
     });
   }
@@ -143,11 +143,7 @@ uint64_t Training::evaluations() const { return data_->evaluations; }
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params) {
   const std::size_t states = data.stateCount();
-  const BakePlan plan = makeBakePlan(params, kScoreRays, 0, data.settings.seed);
-  std::vector<float> clamps;
-  for (std::size_t p = 0; p < layout.positions.size(); ++p)
-    clamps.push_back(static_cast<float>(params.distance_clamp) * probeLengths(layout, p).support);
-  const std::vector<BakedProbe> probes = bakeProbes(*data.patches, plan, layout.positions, clamps);
+  const auto [plan, probes] = bakeLayout(*data.patches, layout, params, data.settings.seed);
   FieldSnapshot snapshot = bakedSnapshot(layout, params, probes);
   // The atlas holds irradiance / pi; encoding is left out.
   QueryParams<double> query = queryParams(params);

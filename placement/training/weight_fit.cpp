@@ -92,11 +92,7 @@ Problem makeProblem(const Training::Data& data, const JudgedPoints& judged,
   const QueryModes modes = queryModes(params);
   const auto query = convertQueryParams<float>(queryParams(params));
   problem.squared = modes.average != PL_AVERAGE_LINEAR;
-  const BakePlan plan = makeBakePlan(params, kScoreRays, 0, data.settings.seed);
-  std::vector<float> clamps;
-  for (std::size_t p = 0; p < layout.positions.size(); ++p)
-    clamps.push_back(static_cast<float>(params.distance_clamp) * probeLengths(layout, p).support);
-  const std::vector<BakedProbe> baked = bakeProbes(*data.patches, plan, layout.positions, clamps);
+  const auto [plan, baked] = bakeLayout(*data.patches, layout, params, data.settings.seed);
   problem.link_begin.push_back(0);
   for (const Receiver& r : judged.points) {
     const Vec3f biased = r.position + (r.normal * query.normal_bias - r.view * query.view_bias) *

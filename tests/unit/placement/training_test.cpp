@@ -19,10 +19,6 @@
 namespace probelab::test {
 namespace {
 
-double luminanceOf(const Vec3f& v) {
-  return static_cast<double>(0.2126f * v.x + 0.7152f * v.y + 0.0722f * v.z);
-}
-
 // Coloured walls, a lamp, a glowing panel and a sky behind a missing wall.
 Scene mixedLights() {
   SceneBuilder b;
@@ -62,7 +58,7 @@ TEST(Training, TruthIsWhatPathsFind) {
       estimateIrradiance(t.place.scene, t.place.embree, points, budget, 11);
   double ours = 0, theirs = 0, error = 0, power = 0;
   for (std::size_t r = 0; r < points.size(); ++r) {
-    const double a = luminanceOf(paths.a[r]) / M_PI, b = luminanceOf(paths.b[r]) / M_PI;
+    const double a = luminance(Vec3d(paths.a[r])) / M_PI, b = luminance(Vec3d(paths.b[r])) / M_PI;
     const double e = static_cast<double>(data.truth[r]), w = data.receivers[r].area;
     ours += w * e, theirs += w * 0.5 * (a + b);
     error += w * (e - a) * (e - b), power += w * a * b;

@@ -66,9 +66,9 @@ class PatchCache {
   };
   struct Patch {
     std::vector<Point> points;
-    uint32_t gathered = 0;  // rays
-    Vec3f emission;         // sum over its rays, as far as it counts there
-    Vec3f sky;              // sum of the sky's radiance, scale 1, over its rays
+    bool gathered = false;
+    Vec3f emission;  // sum over its rays, as far as it counts there
+    Vec3f sky;       // sum of the sky's radiance, scale 1, over its rays
   };
   struct Link {
     int32_t patch;
@@ -77,7 +77,7 @@ class PatchCache {
   float pdfOf(const Hit& hit, const Ray& ray, const Surface& surface) const;
   int32_t findPatch(const Surface& surface) const;
   uint64_t keyOf(const Vec3f& p, const Vec3f& normal, const Vec3i& shift) const;
-  void insertHits(std::span<const Ray> rays);
+  void insertHits(std::span<const Ray> rays, std::span<const Hit> hits);
   void gather(std::size_t first, std::size_t last, uint64_t seed);
   void lightPatches();
   void settle();

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "ddgi/layout.h"
 #include "ddgi/params.h"
 #include "ddgi/weight_table.h"
 #include "placement/patch_cache.h"
@@ -35,5 +36,13 @@ BakePlan makeBakePlan(const Params& params, int rays, float distance_clamp_m, ui
 std::vector<BakedProbe> bakeProbes(const PatchCache& patches, const BakePlan& plan,
                                    std::span<const Vec3f> positions,
                                    std::span<const float> distance_clamps_m = {});
+
+// Every probe of a layout, with kScoreRays and the clamp of its own support radius.
+struct LayoutBake {
+  BakePlan plan;
+  std::vector<BakedProbe> probes;
+};
+LayoutBake bakeLayout(const PatchCache& patches, const ProbeLayout& layout, const Params& params,
+                      uint64_t seed);
 
 }  // namespace probelab

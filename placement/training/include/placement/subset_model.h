@@ -26,7 +26,7 @@ JudgedPoints trainPoints(const Training::Data& data);
 // the error of the irradiance E, and power and mean of the state's truth.
 struct Objective {
   std::vector<double> state_weights;  // [state], sum 1
-  double relative = 0.3;
+  double relative = 0;
 };
 
 // Weight of a squared error where the truth is `e`, apart from the point's area.
@@ -72,7 +72,6 @@ class SubsetModel {
 
   const JudgedPoints& judged() const { return judged_; }
   double cost() const;
-  std::vector<float> estimates() const;  // [receiver][state], mean radiance
   // Share of the cost of one receiver.
   double costAt(std::size_t receiver) const { return costs_[receiver]; }
   std::size_t receiverCount() const { return judged_.points.size(); }

@@ -24,7 +24,6 @@ struct Training::Data {
 
   bool traced() const { return patches != nullptr; }
   std::size_t stateCount() const { return power.size(); }
-  const float* truthOf(std::size_t receiver) const { return &truth[receiver * stateCount()]; }
 };
 
 // nrmse^2 of estimates [receiver][state] (irradiance / pi) under each state; 0 where it is unlit.

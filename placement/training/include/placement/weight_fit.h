@@ -13,8 +13,8 @@ namespace probelab {
 CornerWeights cornerWeights(const InfluenceGrid& grid);
 
 struct FitSettings {
-  int iterations = 150;
-  double stiffness = 0.03;  // pull towards the given weights, over the cost at the start
+  int iterations = 0;
+  double stiffness = 0;  // pull towards the given weights, over the cost at the start
 };
 
 // Corner weights w exp(t): the t minimise the objective's cost of the layout's query on baked
