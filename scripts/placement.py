@@ -241,8 +241,11 @@ class Study:
     def run(self, *arguments):
         """Runs a command; its JSON."""
         command = [str(self.program), *map(str, arguments), *self.common]
-        done = subprocess.run(command, capture_output=True, text=True, check=False,
-                              env=self.environment)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False,
+                                  env=self.environment)
+        except OSError as error:  # the program is gone, or being linked at this moment
+            raise Failed(str(error)) from error
         if done.returncode in (130, -2):
             raise Interrupted
         if done.returncode != 0:

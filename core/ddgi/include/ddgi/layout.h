@@ -21,7 +21,7 @@ enum class Interpolant {
   knn,         // the k nearest, falling to 0 at the support radius
   tetrahedra,  // barycentric in the Delaunay tetrahedron
   natural,     // natural neighbours (Sibson), sampled
-  maxent,      // maximum entropy: the sharpest that reproduce linear functions
+  maxent,      // maximum entropy, centred on the point as far as that goes
   fitted,      // fitted to path-traced irradiance at train receivers
 };
 const char* interpolantName(Interpolant interpolant);
