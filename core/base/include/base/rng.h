@@ -20,6 +20,7 @@ enum class RngStream : uint64_t {
   placement = 9,
   field_image = 10,
   ray_proxy = 11,
+  tuning = 12,
 };
 
 // The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection on 64 bits.

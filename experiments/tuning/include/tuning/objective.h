@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The cost of query parameters over frozen states, as a sum of squares with analytic derivatives:
+// the shared query runs on ceres::Jet.
+//
+//   cost = sum over states s of weight_s / (sum of weights) * (
+//            sum over points a rho(E - R) / power
+//            + leak * sum over dark points a max(0, E - R - 2 sigma)^2 / mean^2)
+//
+// with rho the square, or a robust loss that grows linearly beyond `robust` times the root of
+// `power`. Up to FrozenState::noise, a constant, the first term is nrmse^2.
+//
+// The cost is continuous but for jumps of the size of trilinear_floor^3 and where the nearest probe
+// takes over, and its derivative jumps: a biased point enters another cell or voxel, the direction
+// to a probe another texel, a weight passes the crush's threshold. Derivatives are those of the
+// piece that the point is in.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "tuning/frozen_state.h"
+#include "tuning/tuned_keys.h"
+
+namespace probelab {
+
+struct ObjectiveSettings {
+  double leak = 1;    // weight of the leak term
+  double robust = 0;  // 0: plain squares
+};
+
+struct TuneObjective {
+  std::span<const FrozenState> states;
+  std::span<const TunedKey> keys;  // of tunedKeys, 1 to 8
+  Params base;                     // values of everything that is not a key
+  ObjectiveSettings settings;
+};
+
+std::size_t residualCount(const TuneObjective& objective);
+
+// Residuals at coordinates x in [0, 1], [residual]; their squares sum to the cost. Where `jacobian`
+// is not empty, [residual][key] by x. Parallel; the same bits whatever the number of threads. Throws
+// NumericalError where one is not finite.
+void evaluateResiduals(const TuneObjective& objective, std::span<const double> x,
+                       std::span<double> residuals, std::span<double> jacobian = {});
+double evaluateCost(const TuneObjective& objective, std::span<const double> x);
+
+// Irradiance (luminance) at the state's points under `params`.
+std::vector<double> queryPoints(const FrozenState& state, const Params& params);
+
+// Of one state at parameters, by the definitions of the metrics over its points.
+struct FrozenErrors {
+  double nrmse = 0, light_leak = 0, shadow_leak = 0;
+};
+FrozenErrors frozenErrors(const FrozenState& state, const Params& params);
+
+}  // namespace probelab
