@@ -81,8 +81,7 @@ std::string joined(const std::vector<std::string>& names) {
   for (const ParamInfo& info : paramTable()) known.push_back(info.key);
   if (std::find(known.begin(), known.end(), name) == known.end())
     throwInput("unknown parameter '{}'{}", name, suggestion(name, known));
-  throwInput("{} cannot be tuned on converged fields; these can: {}", name,
-             joined(tunableNames()));
+  throwInput("{} cannot be tuned on converged fields; these can: {}", name, joined(tunableNames()));
 }
 
 }  // namespace

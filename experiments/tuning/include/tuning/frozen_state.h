@@ -26,15 +26,15 @@ struct FrozenState {
   std::string scene, state;
   FieldSnapshot field;
   std::vector<TunePoint> points;
-  double power = 0;   // sum of weight * A * B, luminance
-  double noise = 0;   // sum of weight * (A - B)^2 / 4, over power: the reference's share of the cost
-  double mean = 0;    // sum of weight * R
+  double power = 0;  // sum of weight * A * B, luminance
+  double noise = 0;  // sum of weight * (A - B)^2 / 4, over power: the reference's share of the cost
+  double mean = 0;   // sum of weight * R
   double weight = 1;  // of the state in the cost
 };
 
-// The field as it is now, with the receivers of `split`. Each point has the receiver's own view and,
-// where that comes from a camera, those of the other `cameras` (local coordinates) that see it.
-// Throws InputError where no receiver is of the split, where they have no truth, or where it is
+// The field as it is now, with the receivers of `split`. Each point has the receiver's own view
+// and, where that comes from a camera, those of the other `cameras` (local coordinates) that see
+// it. Throws InputError where no receiver is of the split, where they have no truth, or where it is
 // black; and where no probe is active.
 FrozenState freezeState(ProbeField& field, const Receivers& receivers, Split split,
                         std::span<const Vec3f> cameras, const EmbreeScene& embree);

@@ -38,8 +38,8 @@ struct TuneObjective {
 std::size_t residualCount(const TuneObjective& objective);
 
 // Residuals at coordinates x in [0, 1], [residual]; their squares sum to the cost. Where `jacobian`
-// is not empty, [residual][key] by x. Parallel; the same bits whatever the number of threads. Throws
-// NumericalError where one is not finite.
+// is not empty, [residual][key] by x. Parallel; the same bits whatever the number of threads.
+// Throws NumericalError where one is not finite.
 void evaluateResiduals(const TuneObjective& objective, std::span<const double> x,
                        std::span<double> residuals, std::span<double> jacobian = {});
 double evaluateCost(const TuneObjective& objective, std::span<const double> x);
@@ -52,5 +52,13 @@ struct FrozenErrors {
   double nrmse = 0, light_leak = 0, shadow_leak = 0;
 };
 FrozenErrors frozenErrors(const FrozenState& state, const Params& params);
+
+// The objective's cost at any parameters, and the errors of each of its states. Modes and the
+// atlases' encoding are those of the states' fields, whatever `params` says.
+struct ParamsScore {
+  double cost = 0;
+  std::vector<FrozenErrors> errors;
+};
+ParamsScore scoreParams(const TuneObjective& objective, const Params& params);
 
 }  // namespace probelab

@@ -13,7 +13,7 @@
 namespace probelab {
 
 struct SolveSettings {
-  int starts = 16;  // run to the end: the base's values and the best of a seeded coarse set
+  int starts = 16;      // run to the end: the base's values and the best of a seeded coarse set
   int candidates = 64;  // of the coarse set
   int iterations = 50;  // of each start
   uint64_t seed = 1;

@@ -43,11 +43,10 @@ struct KeySplit {
 // By name. Throws InputError on one that does not exist, is named twice, is not continuous or a
 // count, or has no effect: under the modes of `params` (crush_threshold without crush), with
 // scattered probes (trilinear_floor) or on a converged field (hysteresis).
-KeySplit tunedKeys(std::span<const std::string> names, const Params& params,
-                   bool lattice = true);
+KeySplit tunedKeys(std::span<const std::string> names, const Params& params, bool lattice = true);
 
 double keyValue(const TunedKey& key, double x);
-double keySlope(const TunedKey& key, double x);  // of the value by x
+double keySlope(const TunedKey& key, double x);           // of the value by x
 double keyCoordinate(const TunedKey& key, double value);  // held to [0, 1]
 
 // x[i] in [0, 1] of key i, and back.

@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "jet.h"  // first
+
+#include "tuning/objective.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/parallel.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kMaxKeys = 8;  // every key of the query fits into one Jet
+constexpr std::size_t kGrain = 64;
+using Jet = ceres::Jet<double, kMaxKeys>;
+
+template <class T>
+T& queryMember(QueryParams<T>& params, double Params::*key) {
+  if (key == &Params::normal_bias) return params.normal_bias;
+  if (key == &Params::view_bias) return params.view_bias;
+  if (key == &Params::facing_offset) return params.facing_offset;
+  if (key == &Params::trilinear_floor) return params.trilinear_floor;
+  if (key == &Params::chebyshev_power) return params.chebyshev_power;
+  if (key == &Params::visibility_floor) return params.visibility_floor;
+  if (key == &Params::variance_bias) return params.variance_bias;
+  PROBELAB_CHECK(key == &Params::crush_threshold);
+  return params.crush_threshold;
+}
+
+// `params` for the state's field: what belongs to the atlases is the field's own.
+QueryParams<double> paramsFor(const FrozenState& state, const Params& params) {
+  QueryParams<double> query = queryParams(params);
+  query.decode_exponent = state.field.params.decode_exponent;
+  query.variance_floor = state.field.params.variance_floor;
+  return query;
+}
+
+QueryParams<Jet> jetParams(const TuneObjective& objective, std::span<const double> x,
+                           const QueryParams<double>& values) {
+  QueryParams<Jet> params = convertQueryParams<Jet>(values);
+  for (std::size_t i = 0; i < objective.keys.size(); ++i)
+    queryMember(params, objective.keys[i].value).v[static_cast<int>(i)] =
+        keySlope(objective.keys[i], x[i]);
+  return params;
+}
+
+// Factors of a state's residuals.
+struct Scales {
+  double error = 0;       // of (E - R) sqrt(weight)
+  double leak = 0;        // of max(0, E - R - 2 sigma) sqrt(weight)
+  double bend = 0;        // |E - R| where the robust loss turns linear; 0: never
+  std::size_t first = 0;  // residual
+};
+
+std::size_t darkCount(const FrozenState& state) {
+  return static_cast<std::size_t>(std::count_if(state.points.begin(), state.points.end(),
+                                                [](const TunePoint& p) { return p.dark; }));
+}
+
+std::vector<Scales> scalesOf(const TuneObjective& objective) {
+  const ObjectiveSettings& settings = objective.settings;
+  double sum = 0;
+  for (const FrozenState& state : objective.states) sum += state.weight;
+  std::vector<Scales> scales;
+  std::size_t first = 0;
+  for (const FrozenState& state : objective.states) {
+    const double share = state.weight / sum;
+    scales.push_back({std::sqrt(share / state.power), std::sqrt(share * settings.leak) / state.mean,
+                      settings.robust * std::sqrt(state.power), first});
+    first += state.points.size() + (settings.leak > 0 ? darkCount(state) : 0);
+  }
+  return scales;
+}
+
+// Of one point: values and their derivatives by the estimate.
+struct PointResiduals {
+  double error = 0, error_slope = 0;
+  double leak = 0, leak_slope = 0;
+};
+
+PointResiduals pointResiduals(const Scales& scales, const TunePoint& point, double estimate) {
+  const double weight = std::sqrt(point.weight), e = estimate - point.truth, size = std::abs(e);
+  PointResiduals r{scales.error * weight * e, scales.error * weight, 0, 0};
+  if (scales.bend > 0 && size > scales.bend) {
+    // rho = 2 bend |e| - bend^2; the residual is its root.
+    const double root = std::sqrt(2 * scales.bend * size - scales.bend * scales.bend);
+    r.error = scales.error * weight * std::copysign(root, e);
+    r.error_slope = scales.error * weight * scales.bend / root;
+  }
+  const double excess = e - 2 * point.sigma;
+  if (excess > 0) {
+    r.leak = scales.leak * weight * excess;
+    r.leak_slope = scales.leak * weight;
+  }
+  return r;
+}
+
+double estimateAt(const FrozenState& state, const QueryParams<double>& params,
+                  const TunePoint& point) {
+  return luminance(querySnapshot<double>(state.field, params, point.query).irradiance);
+}
+
+FrozenErrors errorsOf(const FrozenState& state, std::span<const double> estimates) {
+  FrozenErrors errors;
+  double square = 0;
+  for (std::size_t i = 0; i < estimates.size(); ++i) {
+    const TunePoint& p = state.points[i];
+    const double e = estimates[i] - p.truth;
+    square += p.weight * e * e;
+    if (p.dark)
+      errors.light_leak += p.weight * std::max(0.0, e - 2 * p.sigma) / state.mean;
+    else
+      errors.shadow_leak += p.weight * std::max(0.0, -e - 2 * p.sigma) / state.mean;
+  }
+  errors.nrmse = std::sqrt(std::max(0.0, square / state.power - state.noise));
+  return errors;
+}
+
+void checkObjective(const TuneObjective& objective) {
+  PROBELAB_CHECK(!objective.keys.empty() && objective.keys.size() <= kMaxKeys);
+  PROBELAB_CHECK(!objective.states.empty());
+}
+
+void checkFinite(std::span<const double> values, const char* what) {
+  for (std::size_t i = 0; i < values.size(); ++i)
+    if (!std::isfinite(values[i]))
+      throw NumericalError(fmt::format("tuning: {} {} is {}", what, i, values[i]));
+}
+
+// Where the residuals of a point go: one, or two with the leak's.
+struct Place {
+  std::size_t residual = 0;
+  bool leak = false;
+};
+
+std::vector<Place> placesOf(const FrozenState& state, std::size_t first, bool leak) {
+  std::vector<Place> places;
+  for (const TunePoint& point : state.points) {
+    places.push_back({first, leak && point.dark});
+    first += places.back().leak ? 2 : 1;
+  }
+  return places;
+}
+
+void evaluateState(const TuneObjective& objective, std::span<const double> x,
+                   const FrozenState& state, const Scales& scales, std::span<double> residuals,
+                   std::span<double> jacobian) {
+  Params at = objective.base;
+  setCoordinates(objective.keys, x, at);
+  const QueryParams<double> values = paramsFor(state, at);
+  const QueryParams<Jet> jets = jetParams(objective, x, values);
+  const std::size_t keys = objective.keys.size();
+  const std::vector<Place> places = placesOf(state, scales.first, objective.settings.leak > 0);
+  parallelFor(state.points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const TunePoint& point = state.points[i];
+      Jet estimate;
+      if (jacobian.empty())
+        estimate.a = estimateAt(state, values, point);
+      else
+        estimate = luminance(querySnapshot<Jet>(state.field, jets, point.query).irradiance);
+      const PointResiduals r = pointResiduals(scales, point, estimate.a);
+      const std::size_t row = places[i].residual;
+      residuals[row] = r.error;
+      if (places[i].leak) residuals[row + 1] = r.leak;
+      if (jacobian.empty()) continue;
+      for (std::size_t k = 0; k < keys; ++k) {
+        const double slope = estimate.v[static_cast<int>(k)];
+        jacobian[row * keys + k] = r.error_slope * slope;
+        if (places[i].leak) jacobian[(row + 1) * keys + k] = r.leak_slope * slope;
+      }
+    }
+  });
+}
+
+}  // namespace
+
+std::size_t residualCount(const TuneObjective& objective) {
+  std::size_t count = 0;
+  for (const FrozenState& state : objective.states)
+    count += state.points.size() + (objective.settings.leak > 0 ? darkCount(state) : 0);
+  return count;
+}
+
+void evaluateResiduals(const TuneObjective& objective, std::span<const double> x,
+                       std::span<double> residuals, std::span<double> jacobian) {
+  checkObjective(objective);
+  const std::vector<Scales> scales = scalesOf(objective);
+  for (std::size_t s = 0; s < objective.states.size(); ++s)
+    evaluateState(objective, x, objective.states[s], scales[s], residuals, jacobian);
+  checkFinite(residuals, "residual");
+  checkFinite(jacobian, "derivative");
+}
+
+double evaluateCost(const TuneObjective& objective, std::span<const double> x) {
+  std::vector<double> residuals(residualCount(objective));
+  evaluateResiduals(objective, x, residuals);
+  double cost = 0;
+  for (const double r : residuals) cost += r * r;
+  return cost;
+}
+
+std::vector<double> queryPoints(const FrozenState& state, const Params& params) {
+  const QueryParams<double> values = paramsFor(state, params);
+  std::vector<double> estimates(state.points.size());
+  parallelFor(estimates.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      estimates[i] = estimateAt(state, values, state.points[i]);
+  });
+  return estimates;
+}
+
+FrozenErrors frozenErrors(const FrozenState& state, const Params& params) {
+  return errorsOf(state, queryPoints(state, params));
+}
+
+ParamsScore scoreParams(const TuneObjective& objective, const Params& params) {
+  const std::vector<Scales> scales = scalesOf(objective);
+  ParamsScore score;
+  for (std::size_t s = 0; s < objective.states.size(); ++s) {
+    const FrozenState& state = objective.states[s];
+    const std::vector<double> estimates = queryPoints(state, params);
+    score.errors.push_back(errorsOf(state, estimates));
+    for (std::size_t i = 0; i < estimates.size(); ++i) {
+      const PointResiduals r = pointResiduals(scales[s], state.points[i], estimates[i]);
+      score.cost += r.error * r.error + (state.points[i].dark ? r.leak * r.leak : 0);
+    }
+  }
+  return score;
+}
+
+}  // namespace probelab
