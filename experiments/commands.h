@@ -15,6 +15,7 @@ void addPlaceCommand(Program& program);
 void addRenderCommand(Program& program);
 void addEvaluateCommand(Program& program);
 void addCompareCommand(Program& program);
+void addTuneCommand(Program& program);
 void addBenchCommand(Program& program);
 
 }  // namespace probelab

@@ -75,24 +75,25 @@ void addPlacementOptions(CLI::App& app, FieldOptions& options) {
     layout->excludes(app.get_option(other));
 }
 
-void addParamsOptions(CLI::App& app, FieldOptions& options) {
+void addParamsOptions(CLI::App& app, FieldOptions& options, const std::string& flag) {
   const char* group = "Parameters";
-  app.add_option("--params", options.params,
+  app.add_option(flag, options.params,
                  fmt::format("a preset ({}) or a TOML file", fmt::join(presetNames(), ", ")))
       ->type_name("PRESET|FILE")
       ->capture_default_str()
       ->group(group);
   app.add_option(
          "--set", options.set,
-         "one parameter over --params; may be repeated; 'probelab info --params' lists all with "
-         "units, ranges and presets")
+         fmt::format("one parameter over {}; may be repeated; 'probelab info --params' lists all "
+                     "with units, ranges and presets",
+                     flag))
       ->type_name("KEY=VALUE")
       ->allow_extra_args(false)
       ->group(group);
   app.add_option("--rays", options.rays, "rays a probe and update")
       ->type_name("N")
       ->check(checkPositiveInteger)
-      ->default_str(options.rays ? std::to_string(*options.rays) : "as --params says")
+      ->default_str(options.rays ? std::to_string(*options.rays) : "as " + flag + " says")
       ->group(group);
 }
 

@@ -40,7 +40,8 @@ struct FieldOptions {
 void addFieldOptions(CLI::App& app, FieldOptions& options);
 void addPlacementOptions(CLI::App& app, FieldOptions& options);
 void addStrategyOptions(CLI::App& app, FieldOptions& options);  // without --layout
-void addParamsOptions(CLI::App& app, FieldOptions& options);
+// `flag` names the parameters that --set and --rays change.
+void addParamsOptions(CLI::App& app, FieldOptions& options, const std::string& flag = "--params");
 void addTracingOptions(CLI::App& app, FieldOptions& options);
 
 // Every --option, and --lattice and --vertical as the options that they stand for.

@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   probelab::addRenderCommand(program);
   probelab::addEvaluateCommand(program);
   probelab::addCompareCommand(program);
+  probelab::addTuneCommand(program);
   probelab::addBenchCommand(program);
   return program.run(argc, argv);
 }

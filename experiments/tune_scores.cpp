@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "tune_scores.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "evaluation.h"
+#include "table.h"
+
+namespace probelab {
+namespace {
+
+constexpr const char* kNumbers[] = {"nrmse",      "smape",       "bias",
+                                    "light_leak", "shadow_leak", "dark_leak"};
+constexpr float kBlocksOnDiagonal = 16;
+constexpr double kLeastGap = 0.05;  // of the error, for a share of it to mean anything
+
+struct HeldoutSamples {
+  std::vector<Vec3f> a, b, positions;
+  std::vector<float> area;
+  std::vector<std::size_t> index;  // of the receiver
+};
+
+HeldoutSamples heldoutSamples(const Receivers& receivers) {
+  HeldoutSamples samples;
+  for (std::size_t i = 0; i < receivers.points.size(); ++i) {
+    const Receiver& r = receivers.points[i];
+    if (r.split != Split::heldout) continue;
+    samples.a.push_back(r.a), samples.b.push_back(r.b);
+    samples.positions.push_back(r.position);
+    samples.area.push_back(static_cast<float>(r.area));
+    samples.index.push_back(i);
+  }
+  return samples;
+}
+
+// Of the blocks in the order in which they are numbered.
+std::vector<std::string> blockNames(const HeldoutSamples& samples, const SpatialBlocks& blocks,
+                                    const Box3f& bounds) {
+  std::vector<std::string> names(static_cast<std::size_t>(blocks.count));
+  const Vec3f extent = bounds.max - bounds.min;
+  const float edge = length(extent) / kBlocksOnDiagonal;
+  for (std::size_t i = 0; i < samples.positions.size(); ++i) {
+    const Vec3f p = (samples.positions[i] - bounds.min) / edge;
+    names[static_cast<std::size_t>(blocks.block[i])] =
+        fmt::format("{},{},{}", std::floor(p.x), std::floor(p.y), std::floor(p.z));
+  }
+  return names;
+}
+
+std::vector<double> blocksOf(const std::vector<Vec3f>& estimates, const HeldoutSamples& samples,
+                             const SpatialBlocks& blocks) {
+  std::vector<Vec3f> estimate;
+  for (const std::size_t i : samples.index) estimate.push_back(estimates[i]);
+  return blockSquaredErrors({.estimate = estimate,
+                             .a = samples.a,
+                             .b = samples.b,
+                             .position = samples.positions,
+                             .area = samples.area,
+                             .region = {},
+                             .kind = {}},
+                            blocks);
+}
+
+Json numbersJson(const ErrorReport& report) {
+  const Json all = toJson(report);
+  Json json, floors;
+  for (const char* name : kNumbers) json[name] = all[name];
+  for (const char* name : kNumbers) floors[name] = all["noise_floor"][name];
+  json["noise_floor"] = floors;
+  return json;
+}
+
+Json intervalJson(const std::optional<RatioInterval>& interval) {
+  if (!interval) return nullptr;
+  return {{"ratio", interval->ratio}, {"low", interval->low}, {"high", interval->high}};
+}
+
+// Means of logarithms by scene, then over scenes.
+std::optional<GainSummary> summarize(const std::vector<PartScore>& scores, bool same_lights,
+                                     const std::string& name, const std::vector<std::string>& of) {
+  std::map<const TuneScene*, std::vector<double>> logs;
+  for (const PartScore& score : scores) {
+    if (score.part.state->tuned_on != same_lights) continue;
+    std::optional<double> least;
+    for (const std::string& setting : of) {
+      const std::optional<double> error = score.of(setting).heldout.all.nrmse;
+      if (error && (!least || *error < *least)) least = error;
+    }
+    const std::optional<double> tuned = score.of(kTunedSetting).heldout.all.nrmse;
+    if (least && tuned && *least > 0 && *tuned > 0)
+      logs[score.part.scene].push_back(std::log(*least / *tuned));
+  }
+  if (logs.empty()) return std::nullopt;
+  GainSummary summary{name, same_lights, 0, INFINITY, 0, static_cast<int>(logs.size())};
+  double sum = 0;
+  for (const auto& [scene, values] : logs) {
+    double mean = 0;
+    for (const double value : values) mean += value / static_cast<double>(values.size());
+    sum += mean;
+    summary.least = std::min(summary.least, std::exp(mean));
+    summary.most = std::max(summary.most, std::exp(mean));
+  }
+  summary.geometric_mean = std::exp(sum / static_cast<double>(logs.size()));
+  return summary;
+}
+
+std::string cell(const std::optional<double>& value) {
+  return value ? formatNumber(*value) : std::string("-");
+}
+
+const char* lightsName(bool same) { return same ? "train" : "heldout"; }
+
+}  // namespace
+
+const SettingScore& PartScore::of(const std::string& name) const {
+  const auto found = std::find_if(settings.begin(), settings.end(),
+                                  [&](const SettingScore& score) { return score.name == name; });
+  PROBELAB_CHECK(found != settings.end());
+  return *found;
+}
+
+PartScore scorePart(TuneFields& fields, const TunePart& part,
+                    const std::vector<TuneSetting>& settings) {
+  PartScore score;
+  score.part = part;
+  const Receivers& receivers = part.state->receivers;
+  const HeldoutSamples samples = heldoutSamples(receivers);
+  const SpatialBlocks blocks = spatialBlocks(samples.positions, part.scene->scene.bounds);
+  score.blocks = blockNames(samples, blocks, part.scene->scene.bounds);
+  for (const TuneSetting& setting : settings) {
+    SettingScore result;
+    result.name = setting.name;
+    if (setting.name == kFromSetting || setting.name == kTunedSetting)
+      result.exact = scoreEstimates(fields.exactEstimates(part, setting.params), receivers,
+                                    ScoredSplit::heldout)
+                         .all.nrmse;
+    const std::vector<Vec3f>& estimates = fields.estimates(part, setting.params);
+    result.train = scoreEstimates(estimates, receivers, ScoredSplit::train);
+    result.heldout = scoreEstimates(estimates, receivers, ScoredSplit::heldout);
+    if (result.heldout.all.nrmse) result.blocks = blocksOf(estimates, samples, blocks);
+    score.settings.push_back(std::move(result));
+  }
+  const std::vector<double>& tuned = score.of(kTunedSetting).blocks;
+  for (SettingScore& setting : score.settings)
+    if (setting.name != kTunedSetting && !tuned.empty())
+      setting.gain = pairedBootstrapRatio(setting.blocks, tuned, 1, tuned.size());
+  return score;
+}
+
+std::optional<double> gapClosed(const PartScore& score) {
+  const SettingScore& from = score.of(kFromSetting);
+  const std::optional<double> tuned = score.of(kTunedSetting).heldout.all.nrmse;
+  if (!from.heldout.all.nrmse || !from.exact || !tuned) return std::nullopt;
+  const double gap = *from.heldout.all.nrmse - *from.exact;
+  if (!(gap > kLeastGap * *from.heldout.all.nrmse)) return std::nullopt;
+  return (*from.heldout.all.nrmse - *tuned) / gap;
+}
+
+std::vector<GainSummary> summarizeGains(const std::vector<PartScore>& scores,
+                                        const std::vector<std::string>& presets) {
+  std::vector<GainSummary> gains;
+  for (const bool same_lights : {true, false}) {
+    const auto add = [&](const std::string& name, const std::vector<std::string>& of) {
+      if (const auto summary = summarize(scores, same_lights, name, of)) gains.push_back(*summary);
+    };
+    add(kFromSetting, {kFromSetting});
+    for (const std::string& preset : presets) add(preset, {preset});
+    if (presets.size() > 1) add("best", presets);
+  }
+  return gains;
+}
+
+Json toJson(const PartScore& score, bool blocks) {
+  Json json = {{"scene", score.part.scene->scene.name},
+               {"state", score.part.state->scene.state},
+               {"lights", lightsName(score.part.state->tuned_on)},
+               {"exact_visibility",
+                {{"from", optionalNumber(score.of(kFromSetting).exact)},
+                 {"tuned", optionalNumber(score.of(kTunedSetting).exact)}}},
+               {"gap_closed", optionalNumber(gapClosed(score))},
+               {"settings", Json::array()}};
+  for (const SettingScore& setting : score.settings) {
+    Json row = {{"setting", setting.name},
+                {"train", numbersJson(setting.train)},
+                {"heldout", numbersJson(setting.heldout)},
+                {"gain", intervalJson(setting.gain)}};
+    if (blocks) {
+      row["blocks"] = Json::object();
+      for (std::size_t i = 0; i < setting.blocks.size(); ++i)
+        row["blocks"][score.blocks[i]] = setting.blocks[i];
+    }
+    json["settings"].push_back(std::move(row));
+  }
+  return json;
+}
+
+Json toJson(const GainSummary& summary) {
+  return {{"against", summary.against},
+          {"lights", lightsName(summary.same_lights)},
+          {"geometric_mean", summary.geometric_mean},
+          {"least", summary.least},
+          {"most", summary.most},
+          {"scenes", summary.scenes}};
+}
+
+std::string formatScores(const std::vector<PartScore>& scores) {
+  std::string text;
+  for (const PartScore& score : scores) {
+    text += fmt::format("\n{}, {}{}\n", score.part.scene->scene.name, score.part.state->scene.state,
+                        score.part.state->tuned_on ? "" : " (light not tuned on)");
+    TextTable table({"held-out receivers", "nrmse", "train nrmse", "smape", "light leak",
+                     "shadow leak", "over tuned", "95 % interval"});
+    const auto add = [&](const std::string& name, const SettingScore& s) {
+      const ErrorMetrics& e = s.heldout.all;
+      table.addRow({name, cell(e.nrmse), cell(s.train.all.nrmse), cell(e.smape), cell(e.light_leak),
+                    cell(e.shadow_leak), s.gain ? fmt::format("{:.3f}", s.gain->ratio) : "",
+                    s.gain ? fmt::format("{:.3f} .. {:.3f}", s.gain->low, s.gain->high) : ""});
+    };
+    for (const SettingScore& setting : score.settings) add(setting.name, setting);
+    const ErrorMetrics& floor = score.of(kTunedSetting).heldout.noise_floor;
+    table.addRow({"noise floor", cell(floor.nrmse), "", cell(floor.smape), cell(floor.light_leak),
+                  cell(floor.shadow_leak), "", ""});
+    text += table.text();
+    const std::optional<double> closed = gapClosed(score);
+    text +=
+        fmt::format("with traced visibility: from {}, tuned {}; share of from's gap closed: {}\n",
+                    cell(score.of(kFromSetting).exact), cell(score.of(kTunedSetting).exact),
+                    closed ? fmt::format("{:.0f} %", 100 * *closed) : "-");
+  }
+  return text;
+}
+
+std::string formatGains(const std::vector<GainSummary>& gains) {
+  TextTable table(
+      {"nrmse over that of tuned", "lights", "geometric mean", "least scene", "most", "scenes"});
+  for (const GainSummary& gain : gains)
+    table.addRow({gain.against == "best" ? "best of the presets" : gain.against,
+                  gain.same_lights ? "tuned on" : "held out",
+                  fmt::format("{:.3f}", gain.geometric_mean), fmt::format("{:.3f}", gain.least),
+                  fmt::format("{:.3f}", gain.most), std::to_string(gain.scenes)});
+  return table.text();
+}
+
+}  // namespace probelab
