@@ -50,8 +50,11 @@ class Evaluator {
     double sum = 0;
     for (const double r : residuals) sum += r * r;
     count(sum, !jacobian.empty());
+    if (best_.x.empty() || sum < best_.cost) best_ = {x, sum};
     return sum;
   }
+  // The lowest so far: Levenberg-Marquardt refuses steps that gain less than they promised.
+  const SolveStep& best() const { return best_; }
   const TuneObjective& objective() const { return objective_; }
 
  private:
@@ -67,6 +70,7 @@ class Evaluator {
 
   const TuneObjective& objective_;
   SolveResult& result_;
+  SolveStep best_;
 };
 
 // The residuals over y. What an evaluation throws is kept, since it must not pass through Ceres.
@@ -198,21 +202,21 @@ SolveResult solveTuning(const TuneObjective& objective, const SolveSettings& set
   PROBELAB_CHECK(settings.starts >= 1 && settings.candidates >= 0 && settings.iterations >= 1);
   SolveResult result;
   Evaluator evaluator(objective, result);
-  SolveStep best{toCoordinates(objective.keys, objective.base), 0};
-  best.cost = evaluator.cost(best.x);
+  evaluator.cost(toCoordinates(objective.keys, objective.base));
   const std::vector<Point> starts = chooseStarts(evaluator, settings);
   for (std::size_t i = 0; i < starts.size(); ++i) {
     result.paths.push_back(runStart(evaluator, starts[i], settings.iterations, result.evaluations));
-    const SolveStep& end = result.paths.back().steps.back();
-    if (end.cost < best.cost) best = end, result.best = static_cast<int>(i);
+    const auto end = [&](std::size_t path) { return result.paths[path].steps.back().cost; };
+    if (end(i) < end(static_cast<std::size_t>(result.best))) result.best = static_cast<int>(i);
     if (progress) progress(0.9 * static_cast<double>(i + 1) / static_cast<double>(starts.size()));
   }
   const auto cost = [&](const Point& x) { return evaluator.cost(x); };
   const int before = result.evaluations;
-  SolvePath polish = polishOptimum(objective, best, cost);
+  const SolveStep lowest = evaluator.best();
+  SolvePath polish = polishOptimum(objective, lowest, cost);
   polish.evaluations = result.evaluations - before;
-  result.x = polish.steps.back().x;
-  result.cost = polish.steps.back().cost;
+  result.x = evaluator.best().x;
+  result.cost = evaluator.best().cost;
   result.paths.push_back(std::move(polish));
   describeOptimum(objective, result);
   if (progress) progress(1);

@@ -32,7 +32,7 @@ struct SolvePath {
 struct SolveResult {
   std::vector<double> x;
   double cost = 0;
-  int best = 0;                  // path that the optimum was polished from
+  int best = 0;                  // path of Ceres that ended lowest
   std::vector<SolvePath> paths;  // the base's first; the last one is the polish
   int evaluations = 0;           // of residuals, all in all; `gradients` of them with derivatives
   int gradients = 0;
