@@ -12,9 +12,10 @@
 namespace probelab {
 namespace {
 
-constexpr int kMaxKeys = 8;  // every key of the query fits into one Jet
+constexpr std::size_t kMaxKeys = 8;  // every key of the query
 constexpr std::size_t kGrain = 64;
-using Jet = ceres::Jet<double, kMaxKeys>;
+template <int N>
+using Jet = ceres::Jet<double, N>;
 
 template <class T>
 T& queryMember(QueryParams<T>& params, double Params::*key) {
@@ -37,9 +38,10 @@ QueryParams<double> paramsFor(const FrozenState& state, const Params& params) {
   return query;
 }
 
-QueryParams<Jet> jetParams(const TuneObjective& objective, std::span<const double> x,
-                           const QueryParams<double>& values) {
-  QueryParams<Jet> params = convertQueryParams<Jet>(values);
+template <int N>
+QueryParams<Jet<N>> jetParams(const TuneObjective& objective, std::span<const double> x,
+                              const QueryParams<double>& values) {
+  QueryParams<Jet<N>> params = convertQueryParams<Jet<N>>(values);
   for (std::size_t i = 0; i < objective.keys.size(); ++i)
     queryMember(params, objective.keys[i].value).v[static_cast<int>(i)] =
         keySlope(objective.keys[i], x[i]);
@@ -97,11 +99,6 @@ PointResiduals pointResiduals(const Scales& scales, const TunePoint& point, doub
   return r;
 }
 
-double estimateAt(const FrozenState& state, const QueryParams<double>& params,
-                  const TunePoint& point) {
-  return luminance(querySnapshot<double>(state.field, params, point.query).irradiance);
-}
-
 FrozenErrors errorsOf(const FrozenState& state, std::span<const double> estimates) {
   FrozenErrors errors;
   double square = 0;
@@ -129,19 +126,45 @@ void checkFinite(std::span<const double> values, const char* what) {
       throw NumericalError(fmt::format("tuning: {} {} is {}", what, i, values[i]));
 }
 
-// Where the residuals of a point go: one, or two with the leak's.
-struct Place {
-  std::size_t residual = 0;
-  bool leak = false;
+// Estimates at the state's points and their derivatives [point][key].
+struct Estimates {
+  std::vector<double> values, slopes;
 };
 
-std::vector<Place> placesOf(const FrozenState& state, std::size_t first, bool leak) {
-  std::vector<Place> places;
-  for (const TunePoint& point : state.points) {
-    places.push_back({first, leak && point.dark});
-    first += places.back().leak ? 2 : 1;
-  }
-  return places;
+std::vector<double> estimateValues(const FrozenState& state, const QueryParams<double>& params) {
+  std::vector<double> values(state.points.size());
+  parallelFor(values.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      values[i] =
+          luminance(querySnapshot<double>(state.field, params, state.points[i].query).irradiance);
+  });
+  return values;
+}
+
+template <int N>
+Estimates estimateSlopes(const TuneObjective& objective, std::span<const double> x,
+                         const FrozenState& state, const QueryParams<double>& params) {
+  const QueryParams<Jet<N>> jets = jetParams<N>(objective, x, params);
+  const std::size_t count = state.points.size(), keys = x.size();
+  Estimates estimates{std::vector<double>(count), std::vector<double>(count * keys)};
+  parallelFor(count, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Jet<N> e =
+          luminance(querySnapshot<Jet<N>>(state.field, jets, state.points[i].query).irradiance);
+      estimates.values[i] = e.a;
+      for (std::size_t k = 0; k < keys; ++k)
+        estimates.slopes[i * keys + k] = e.v[static_cast<int>(k)];
+    }
+  });
+  return estimates;
+}
+
+// By the narrowest of a few widths that holds the keys.
+Estimates estimateSlopesOf(const TuneObjective& objective, std::span<const double> x,
+                           const FrozenState& state, const QueryParams<double>& params) {
+  if (x.size() <= 2) return estimateSlopes<2>(objective, x, state, params);
+  if (x.size() <= 6) return estimateSlopes<6>(objective, x, state, params);
+  return estimateSlopes<static_cast<int>(kMaxKeys)>(objective, x, state, params);
 }
 
 void evaluateState(const TuneObjective& objective, std::span<const double> x,
@@ -149,30 +172,24 @@ void evaluateState(const TuneObjective& objective, std::span<const double> x,
                    std::span<double> jacobian) {
   Params at = objective.base;
   setCoordinates(objective.keys, x, at);
-  const QueryParams<double> values = paramsFor(state, at);
-  const QueryParams<Jet> jets = jetParams(objective, x, values);
-  const std::size_t keys = objective.keys.size();
-  const std::vector<Place> places = placesOf(state, scales.first, objective.settings.leak > 0);
-  parallelFor(state.points.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i) {
-      const TunePoint& point = state.points[i];
-      Jet estimate;
-      if (jacobian.empty())
-        estimate.a = estimateAt(state, values, point);
-      else
-        estimate = luminance(querySnapshot<Jet>(state.field, jets, point.query).irradiance);
-      const PointResiduals r = pointResiduals(scales, point, estimate.a);
-      const std::size_t row = places[i].residual;
-      residuals[row] = r.error;
-      if (places[i].leak) residuals[row + 1] = r.leak;
-      if (jacobian.empty()) continue;
-      for (std::size_t k = 0; k < keys; ++k) {
-        const double slope = estimate.v[static_cast<int>(k)];
-        jacobian[row * keys + k] = r.error_slope * slope;
-        if (places[i].leak) jacobian[(row + 1) * keys + k] = r.leak_slope * slope;
-      }
-    }
-  });
+  const QueryParams<double> params = paramsFor(state, at);
+  const bool wanted = !jacobian.empty();
+  const Estimates estimates = wanted ? estimateSlopesOf(objective, x, state, params)
+                                     : Estimates{estimateValues(state, params), {}};
+  const std::size_t keys = x.size();
+  std::size_t row = scales.first;
+  const auto put = [&](std::size_t point, double residual, double slope) {
+    residuals[row] = residual;
+    for (std::size_t k = 0; wanted && k < keys; ++k)
+      jacobian[row * keys + k] = slope * estimates.slopes[point * keys + k];
+    ++row;
+  };
+  for (std::size_t i = 0; i < state.points.size(); ++i) {
+    const TunePoint& point = state.points[i];
+    const PointResiduals r = pointResiduals(scales, point, estimates.values[i]);
+    put(i, r.error, r.error_slope);
+    if (point.dark && objective.settings.leak > 0) put(i, r.leak, r.leak_slope);
+  }
 }
 
 }  // namespace
@@ -203,13 +220,7 @@ double evaluateCost(const TuneObjective& objective, std::span<const double> x) {
 }
 
 std::vector<double> queryPoints(const FrozenState& state, const Params& params) {
-  const QueryParams<double> values = paramsFor(state, params);
-  std::vector<double> estimates(state.points.size());
-  parallelFor(estimates.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      estimates[i] = estimateAt(state, values, state.points[i]);
-  });
-  return estimates;
+  return estimateValues(state, paramsFor(state, params));
 }
 
 FrozenErrors frozenErrors(const FrozenState& state, const Params& params) {

@@ -178,7 +178,7 @@ std::vector<Point> coarseSet(std::size_t keys, int count, uint64_t seed) {
   return points;
 }
 
-// The base's values and the best of the coarse set.
+// The best of the coarse set.
 std::vector<Point> chooseStarts(Evaluator& evaluator, const SolveSettings& settings) {
   const TuneObjective& objective = evaluator.objective();
   std::vector<SolveStep> candidates;
@@ -188,10 +188,10 @@ std::vector<Point> chooseStarts(Evaluator& evaluator, const SolveSettings& setti
   }
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const SolveStep& a, const SolveStep& b) { return a.cost < b.cost; });
-  std::vector<Point> starts = {toCoordinates(objective.keys, objective.base)};
-  for (std::size_t i = 0; i < candidates.size(); ++i)
-    if (starts.size() < static_cast<std::size_t>(settings.starts))
-      starts.push_back(candidates[i].x);
+  const auto wanted = static_cast<std::size_t>(settings.starts - 1);
+  std::vector<Point> starts;
+  for (std::size_t i = 0; i < std::min(wanted, candidates.size()); ++i)
+    starts.push_back(candidates[i].x);
   return starts;
 }
 
@@ -202,14 +202,19 @@ SolveResult solveTuning(const TuneObjective& objective, const SolveSettings& set
   PROBELAB_CHECK(settings.starts >= 1 && settings.candidates >= 0 && settings.iterations >= 1);
   SolveResult result;
   Evaluator evaluator(objective, result);
-  evaluator.cost(toCoordinates(objective.keys, objective.base));
-  const std::vector<Point> starts = chooseStarts(evaluator, settings);
-  for (std::size_t i = 0; i < starts.size(); ++i) {
-    result.paths.push_back(runStart(evaluator, starts[i], settings.iterations, result.evaluations));
+  const Point base = toCoordinates(objective.keys, objective.base);
+  evaluator.cost(base);  // as it is; a start is held off the ends
+  const auto run = [&](const Point& start) {
+    result.paths.push_back(runStart(evaluator, start, settings.iterations, result.evaluations));
     const auto end = [&](std::size_t path) { return result.paths[path].steps.back().cost; };
-    if (end(i) < end(static_cast<std::size_t>(result.best))) result.best = static_cast<int>(i);
-    if (progress) progress(0.9 * static_cast<double>(i + 1) / static_cast<double>(starts.size()));
-  }
+    const std::size_t last = result.paths.size() - 1;
+    if (end(last) < end(static_cast<std::size_t>(result.best)))
+      result.best = static_cast<int>(last);
+    if (progress) progress(0.9 * static_cast<double>(last + 1) / settings.starts);
+  };
+  run(base);
+  if (settings.starts > 1)
+    for (const Point& start : chooseStarts(evaluator, settings)) run(start);
   const auto cost = [&](const Point& x) { return evaluator.cost(x); };
   const int before = result.evaluations;
   const SolveStep lowest = evaluator.best();

@@ -18,7 +18,7 @@ const std::vector<TunedKey>& queryKeys() {
       {"view_bias", &Params::view_bias, 0, 1, 0},
       {"facing_offset", &Params::facing_offset, 0, 1, 0.05},
       {"trilinear_floor", &Params::trilinear_floor, 0, 0.2, 1e-3},
-      {"chebyshev_power", &Params::chebyshev_power, 0.5, 16, 0.5},
+      {"chebyshev_power", &Params::chebyshev_power, 0.5, 32, 0.5},
       {"visibility_floor", &Params::visibility_floor, 0, 0.5, 1e-3},
       {"variance_bias", &Params::variance_bias, 0, 0.1, 1e-4},
       {"crush_threshold", &Params::crush_threshold, 0.01, 2, 0.01},
