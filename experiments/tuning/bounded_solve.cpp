@@ -98,8 +98,7 @@ BoundedSolution solveBounded(const BoundedProblem& problem, std::vector<double> 
   std::vector<uint8_t> free(n);
   for (int round = 0; round < kMaxRounds; ++round) {
     const Vector gradient = equations.apply(x, false);
-    for (std::size_t i = 0; i < n; ++i)
-      free[i] = x[i] > problem.low[i] || gradient[i] < 0 ? 1 : 0;
+    for (std::size_t i = 0; i < n; ++i) free[i] = x[i] > problem.low[i] || gradient[i] < 0 ? 1 : 0;
     solution.iterations += freeStep(equations, free, gradient, iterations, step);
     // The change of the objective / 2 along the way back into the bounds.
     bool bent = false;

@@ -18,7 +18,7 @@ struct TexelDual {
 
   TexelDual() = default;
   template <class Number>
-    requires std::is_arithmetic_v<Number>
+  requires std::is_arithmetic_v<Number>
   explicit TexelDual(Number value) : a(static_cast<double>(value)) {}
 };
 
@@ -90,9 +90,8 @@ struct SlopeView : FieldView {
 // Each texel once, by number.
 TexelRow rowOf(TexelDual&& answer) {
   std::vector<TexelSlope>& s = answer.slopes;
-  std::stable_sort(s.begin(), s.end(), [](const TexelSlope& x, const TexelSlope& y) {
-    return x.texel < y.texel;
-  });
+  std::stable_sort(s.begin(), s.end(),
+                   [](const TexelSlope& x, const TexelSlope& y) { return x.texel < y.texel; });
   TexelRow row{answer.a, {}};
   for (const TexelSlope& slope : s) {
     if (row.slopes.empty() || row.slopes.back().texel != slope.texel)

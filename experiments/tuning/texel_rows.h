@@ -11,8 +11,8 @@
 
 namespace probelab {
 
-// The unknowns of a field: interior texels, [probe][y][x]. A border's texel is the interior one that
-// it repeats. [place in a probe's stored tile] -> interior texel.
+// The unknowns of a field: interior texels, [probe][y][x]. A border's texel is the interior one
+// that it repeats. [place in a probe's stored tile] -> interior texel.
 std::vector<int> interiorTexels(const LatticeShape& lattice);
 
 struct TexelSlope {

@@ -2,6 +2,7 @@
 #include "tuning/value_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "base/error.h"
@@ -13,16 +14,22 @@
 namespace probelab {
 namespace {
 
-constexpr int kMaxLinearisations = 12;
-constexpr int kMaxHalvings = 6;
-constexpr double kSettled = 1e-4;      // relative fall of the cost
-constexpr double kSmallestGain = 0.01;  // where a root is taken of the texel
+constexpr int kMaxLinearisations = 30;
+constexpr int kMaxHalvings = 8;
+constexpr double kSettled = 1e-4;       // relative fall of the cost by a linearisation
+constexpr double kSmallestGain = 0.01;  // where the slope by a texel of 0 is infinite
+constexpr uint32_t kFixed = 0xffffffffu;
+
+using Rows = std::vector<std::array<TexelRow, 3>>;
+using Vector = std::vector<double>;
 
 struct FitPoints {
   std::vector<QueryPoint> points;
   std::vector<Vec3d> a, b;
-  std::vector<double> weight;  // sums to 1
-  Vec3d truth(std::size_t i) const { return (a[i] + b[i]) * 0.5; }
+  Vector weight;  // sums to 1
+  double truth(std::size_t i, std::size_t channel) const {
+    return (a[i][channel] + b[i][channel]) / 2;
+  }
 };
 
 FitPoints fitPoints(const Receivers& receivers, Split split) {
@@ -42,137 +49,150 @@ FitPoints fitPoints(const Receivers& receivers, Split split) {
   return fit;
 }
 
-double powerOf(const FitPoints& fit, std::size_t channel) {
-  double power = 0;
-  for (std::size_t i = 0; i < fit.points.size(); ++i)
-    power += fit.weight[i] * fit.a[i][channel] * fit.b[i][channel];
-  return power;
-}
-
-double nrmseOf(const FieldSnapshot& field, std::span<const Vec3f> stored, const Params& params,
-               const FitPoints& fit) {
-  struct StoredView : FieldView {
-    std::span<const Vec3f> stored;
-    std::size_t per_probe;
-    const Vec3f& fetchIrradiance(int probe, int texel) const {
-      return stored[static_cast<std::size_t>(probe) * per_probe + static_cast<std::size_t>(texel)];
-    }
-  };
-  const StoredView view{{field}, stored, stored.size() / field.positions.size()};
-  const QueryModes modes = viewModes(field, params);
-  const QueryParams<double> query = queryParams(params);
+// Of what the rows' query answers, luminance.
+double nrmseOf(const FitPoints& fit, const Rows& rows) {
   double error = 0, power = 0;
-  for (std::size_t i = 0; i < fit.points.size(); ++i) {
-    const double e = luminance(queryView(view, query, modes, fit.points[i]).irradiance);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double e =
+        luminance(Vec3d(rows[i][0].irradiance, rows[i][1].irradiance, rows[i][2].irradiance));
     const double a = luminance(fit.a[i]), b = luminance(fit.b[i]);
     error += fit.weight[i] * (e - a) * (e - b);
     power += fit.weight[i] * a * b;
   }
-  return std::sqrt(std::max(0.0, error / power));
+  return power > 0 ? std::sqrt(std::max(0.0, error / power)) : 0;
 }
 
-// What the channels share.
-struct FitSetup {
-  const Params& params;
-  const ValueFitSettings& settings;
-  const FitPoints& fit;
-  std::vector<uint32_t> texel;     // [unknown]: interior texel of the field
-  std::vector<uint32_t> unknown;   // [interior texel], kNone: not read
-  std::vector<std::pair<uint32_t, uint32_t>> pairs;  // of unknowns, neighbours
-  double prior = 0;                // sum of squares of the weights
-  bool linear = true;
-};
-constexpr uint32_t kNone = 0xffffffffu;
-
-using Rows = std::vector<std::array<TexelRow, 3>>;
-
-void findUnknowns(FitSetup& setup, const Rows& rows, const FieldSnapshot& field) {
-  const int n = field.lattice.irradiance_texels;
-  const auto per_probe = static_cast<uint32_t>(n * n);
-  setup.unknown.assign(field.positions.size() * per_probe, kNone);
-  for (const auto& row : rows)
-    for (const TexelSlope& s : row[0].slopes) setup.unknown[s.texel] = 0;
-  if (setup.settings.extend)
-    for (uint32_t p = 0; p < field.positions.size(); ++p) {
-      bool any = false;
-      for (uint32_t k = 0; k < per_probe; ++k) any = any || setup.unknown[p * per_probe + k] == 0;
-      for (uint32_t k = 0; any && k < per_probe; ++k) setup.unknown[p * per_probe + k] = 0;
-    }
-  for (uint32_t t = 0; t < setup.unknown.size(); ++t) {
-    if (setup.unknown[t] == kNone) continue;
-    setup.unknown[t] = static_cast<uint32_t>(setup.texel.size());
-    setup.texel.push_back(t);
+// The texels that may move, and where they are stored.
+class Unknowns {
+ public:
+  // All interior texels of the probes that red reads; the other channels read the same.
+  Unknowns(const FieldSnapshot& field, const Rows& rows)
+      : interior_(interiorTexels(field.lattice)),
+        side_(field.lattice.irradiance_texels),
+        of_probe_(field.positions.size(), kFixed) {
+    for (const auto& row : rows)
+      for (const TexelSlope& s : row[0].slopes) of_probe_[s.texel / perProbe()] = 0;
+    for (uint32_t& first : of_probe_)
+      if (first != kFixed) first = count_, count_ += perProbe();
   }
-  for (uint32_t p = 0; p < field.positions.size(); ++p)
-    for (int y = 0; y < n; ++y)
-      for (int x = 0; x < n; ++x)
-        for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}}) {
-          const auto i = static_cast<uint32_t>(y * n + x);
-          const auto j = static_cast<uint32_t>(tileTexel(x + dx, y + dy, n, 0));
-          const uint32_t a = setup.unknown[p * per_probe + i], b = setup.unknown[p * per_probe + j];
-          if (i < j && a != kNone && b != kNone) setup.pairs.emplace_back(a, b);
-        }
-}
 
-// One channel: the problem in relative deviations d around those of the last linearisation.
+  std::size_t count() const { return count_; }
+  // An interior texel's unknown; only of a probe that is read.
+  uint32_t of(uint32_t texel) const { return of_probe_[texel / perProbe()] + texel % perProbe(); }
+
+  // Calls act(stored texel, unknown), for border texels too.
+  template <class Act>
+  void forEachStored(const Act& act) const {
+    for (std::size_t p = 0; p < of_probe_.size(); ++p)
+      for (std::size_t k = 0; of_probe_[p] != kFixed && k < interior_.size(); ++k)
+        act(p * interior_.size() + k, of_probe_[p] + static_cast<uint32_t>(interior_[k]));
+  }
+
+  // Texels side by side in a map, each pair once.
+  std::vector<std::pair<uint32_t, uint32_t>> neighbours() const {
+    std::vector<std::pair<uint32_t, uint32_t>> pairs;
+    for (const uint32_t first : of_probe_)
+      for (int i = 0; first != kFixed && i < side_ * side_; ++i)
+        for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}}) {
+          const int j = tileTexel(i % side_ + dx, i / side_ + dy, side_, 0);
+          if (i < j)
+            pairs.emplace_back(first + static_cast<uint32_t>(i), first + static_cast<uint32_t>(j));
+        }
+    return pairs;
+  }
+
+ private:
+  uint32_t perProbe() const { return static_cast<uint32_t>(side_ * side_); }
+  std::vector<int> interior_;
+  int side_;
+  std::vector<uint32_t> of_probe_;  // first unknown
+  uint32_t count_ = 0;
+};
+
+// One channel; its unknowns are the relative deviations d.
 struct ChannelFit {
   std::size_t channel = 0;
   double power = 0;
-  Vec3d unused;
-  std::vector<double> traced, scale;  // [unknown], stored values; scale of d
-  std::vector<double> d;              // [unknown]
+  Vector traced, scale;  // [unknown]: stored value = traced + scale * d
+  Vector d;
   BoundedProblem problem;
   int iterations = 0;
-  double value(std::size_t k) const { return traced[k] + scale[k] * d[k]; }
 };
 
-ChannelFit startChannel(const FitSetup& setup, std::size_t channel,
-                        std::span<const double> traced) {
-  ChannelFit fit;
+class ValueFitter {
+ public:
+  ValueFitter(const FieldSnapshot& field, const FitPoints& fit, const Params& params,
+              const ValueFitSettings& settings)
+      : field_(field),
+        fit_(fit),
+        params_(params),
+        settings_(settings),
+        linear_(params.average == PL_AVERAGE_LINEAR && params.encoding_gamma == 1),
+        stored_(field.irradiance),
+        rows_(texelRows(field, stored_, params, fit.points)),
+        unknowns_(field, rows_) {
+    for (std::size_t c = 0; c < 3; ++c) startChannel(c);
+  }
+
+  ValueFit run();
+
+ private:
+  void startChannel(std::size_t channel);
+  Vector solveLinear(ChannelFit& fit) const;
+  double cost(const std::array<Vector, 3>& d, const Rows& rows) const;
+  std::vector<Vec3f> texelsOf(const std::array<Vector, 3>& d) const;
+  bool improve();
+
+  const FieldSnapshot& field_;
+  const FitPoints& fit_;
+  const Params& params_;
+  const ValueFitSettings& settings_;
+  bool linear_;
+  std::vector<Vec3f> stored_;
+  Rows rows_;  // of `stored_`
+  Unknowns unknowns_;
+  std::array<ChannelFit, 3> channels_;
+};
+
+void ValueFitter::startChannel(std::size_t channel) {
+  ChannelFit& fit = channels_[channel];
   fit.channel = channel;
-  fit.power = powerOf(setup.fit, channel);
-  fit.traced.assign(traced.begin(), traced.end());
+  double squares = 0;
+  for (std::size_t i = 0; i < fit_.points.size(); ++i) {
+    fit.power += fit_.weight[i] * fit_.a[i][channel] * fit_.b[i][channel];
+    squares += fit_.weight[i] * fit_.weight[i];
+  }
+  const std::size_t n = unknowns_.count();
+  fit.traced.resize(n);
+  unknowns_.forEachStored([&](std::size_t stored, uint32_t k) {
+    fit.traced[k] = static_cast<double>(field_.irradiance[stored][channel]);
+  });
   double mean = 0;
-  for (const double t : traced) mean += t / static_cast<double>(traced.size());
-  const double gamma = setup.params.encoding_gamma;
-  for (const double t : traced)
-    fit.scale.push_back((t + setup.settings.floor * mean) / gamma);
-  fit.d.assign(traced.size(), 0);
-  fit.problem.unknowns = traced.size();
-  fit.problem.pull = setup.settings.pull * setup.prior;
-  fit.problem.smooth = setup.settings.smoothness * setup.prior;
-  fit.problem.pairs = setup.pairs;
-  for (std::size_t k = 0; k < traced.size(); ++k) {
-    const double least = setup.linear ? 0 : kSmallestGain * traced[k];
-    fit.problem.low.push_back(fit.scale[k] > 0 ? (least - traced[k]) / fit.scale[k] : 0);
+  for (const double t : fit.traced) mean += t / static_cast<double>(n);
+  fit.d.assign(n, 0);
+  BoundedProblem& p = fit.problem;
+  p.unknowns = n;
+  p.pull = settings_.pull * squares;
+  p.smooth = settings_.smoothness * squares;
+  p.pairs = unknowns_.neighbours();
+  for (const double t : fit.traced) {
+    const double scale = (t + settings_.floor * mean) / params_.encoding_gamma;
+    fit.scale.push_back(scale);
+    p.low.push_back(scale > 0 ? ((linear_ ? 0 : kSmallestGain) - 1) * t / scale : 0);
   }
-  return fit;
 }
 
-double costOf(const FitSetup& setup, const ChannelFit& fit, const std::vector<double>& d,
-              const Rows& rows) {
-  double cost = 0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const double error = rows[i][fit.channel].irradiance - setup.fit.truth(i)[fit.channel];
-    cost += setup.fit.weight[i] * error * error / fit.power;
-  }
-  for (const double v : d) cost += fit.problem.pull * v * v;
-  for (const auto& [i, j] : setup.pairs)
-    cost += fit.problem.smooth * (d[i] - d[j]) * (d[i] - d[j]);
-  return cost;
-}
-
-// Solves the problem with the query's slopes of `rows`; returns the new deviations.
-std::vector<double> linearStep(const FitSetup& setup, ChannelFit& fit, const Rows& rows) {
+// The deviations that are best with the slopes of `rows_`.
+Vector ValueFitter::solveLinear(ChannelFit& fit) const {
   BoundedProblem& p = fit.problem;
   p.row_begin.assign(1, 0);
   p.columns.clear(), p.values.clear(), p.b.clear();
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const TexelRow& row = rows[i][fit.channel];
-    const double factor = std::sqrt(setup.fit.weight[i] / fit.power);
-    double b = setup.fit.truth(i)[fit.channel] - row.irradiance;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const TexelRow& row = rows_[i][fit.channel];
+    const double factor = std::sqrt(fit_.weight[i] / fit.power);
+    double b = fit_.truth(i, fit.channel) - row.irradiance;
     for (const TexelSlope& s : row.slopes) {
-      const uint32_t k = setup.unknown[s.texel];
+      const uint32_t k = unknowns_.of(s.texel);
       const double slope = s.slope * fit.scale[k];
       p.columns.push_back(k);
       p.values.push_back(slope * factor);
@@ -181,96 +201,96 @@ std::vector<double> linearStep(const FitSetup& setup, ChannelFit& fit, const Row
     p.b.push_back(b * factor);
     p.row_begin.push_back(static_cast<uint32_t>(p.columns.size()));
   }
-  BoundedSolution solution = solveBounded(p, fit.d, setup.settings.iterations);
+  BoundedSolution solution = solveBounded(p, fit.d, settings_.iterations);
   fit.iterations += solution.iterations;
   return std::move(solution.x);
+}
+
+double ValueFitter::cost(const std::array<Vector, 3>& d, const Rows& rows) const {
+  double cost = 0;
+  for (const ChannelFit& fit : channels_) {
+    if (!(fit.power > 0)) continue;
+    const Vector& x = d[fit.channel];
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const double error = rows[i][fit.channel].irradiance - fit_.truth(i, fit.channel);
+      cost += fit_.weight[i] * error * error / fit.power;
+    }
+    for (const double v : x) cost += fit.problem.pull * v * v;
+    for (const auto& [i, j] : fit.problem.pairs)
+      cost += fit.problem.smooth * (x[i] - x[j]) * (x[i] - x[j]);
+  }
+  return cost;
+}
+
+std::vector<Vec3f> ValueFitter::texelsOf(const std::array<Vector, 3>& d) const {
+  std::vector<Vec3f> stored = field_.irradiance;
+  unknowns_.forEachStored([&](std::size_t i, uint32_t k) {
+    for (const ChannelFit& fit : channels_) {
+      if (!(fit.power > 0)) continue;
+      const double value = fit.traced[k] + fit.scale[k] * d[fit.channel][k];
+      stored[i][fit.channel] = static_cast<float>(std::max(0.0, value));
+    }
+  });
+  return stored;
+}
+
+// One linearisation; false when the cost has settled. The step is halved until the cost falls.
+bool ValueFitter::improve() {
+  std::array<Vector, 3> from, to;
+  parallelFor(3, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin; c < end; ++c) {
+      from[c] = channels_[c].d;
+      to[c] = channels_[c].power > 0 ? solveLinear(channels_[c]) : from[c];
+    }
+  });
+  const double before = cost(from, rows_);
+  for (int halvings = 0; halvings < kMaxHalvings; ++halvings) {
+    std::vector<Vec3f> stored = texelsOf(to);
+    Rows rows = texelRows(field_, stored, params_, fit_.points);
+    const double after = cost(to, rows);
+    if (after <= before) {
+      for (std::size_t c = 0; c < 3; ++c) channels_[c].d = to[c];
+      stored_ = std::move(stored);
+      rows_ = std::move(rows);
+      return before - after > kSettled * before;
+    }
+    for (std::size_t c = 0; c < 3; ++c)
+      for (std::size_t k = 0; k < to[c].size(); ++k) to[c][k] = (from[c][k] + to[c][k]) / 2;
+  }
+  return false;
+}
+
+ValueFit ValueFitter::run() {
+  ValueFit result;
+  result.texels = unknowns_.count();
+  result.train_before = nrmseOf(fit_, rows_);
+  const int most = linear_ ? 1 : kMaxLinearisations;
+  for (bool on = true; on && result.linearisations < most; ++result.linearisations) on = improve();
+  result.train_after = nrmseOf(fit_, rows_);
+  for (const ChannelFit& fit : channels_)
+    result.iterations = std::max(result.iterations, fit.iterations);
+  result.irradiance = std::move(stored_);
+  return result;
 }
 
 }  // namespace
 
 ValueFit fitValues(const FieldSnapshot& field, const Receivers& receivers, Split split,
                    const Params& params, const ValueFitSettings& settings) {
+  if (!(settings.pull > 0 && settings.smoothness >= 0 && settings.floor >= 0 &&
+        std::isfinite(settings.pull + settings.smoothness + settings.floor) &&
+        settings.iterations > 0))
+    throwInput(
+        "values: the pull {} and the iterations {} must be above 0, smoothness {} and floor {} at "
+        "least 0",
+        settings.pull, settings.iterations, settings.smoothness, settings.floor);
   const FitPoints points = fitPoints(receivers, split);
-  FitSetup setup{params, settings, points, {}, {}, {}};
-  for (const double w : points.weight) setup.prior += w * w;
-  setup.linear = params.average == PL_AVERAGE_LINEAR && params.encoding_gamma == 1;
-  ValueFit result;
-  result.irradiance = field.irradiance;
-  Rows rows = texelRows(field, result.irradiance, params, points.points);
-  findUnknowns(setup, rows, field);
-  result.texels = setup.texel.size();
-
-  const std::vector<int> interior = interiorTexels(field.lattice);
-  const int n = field.lattice.irradiance_texels, border = field.lattice.border;
-  const auto per_probe = static_cast<uint32_t>(n * n);
-  const auto stored_place = [&](uint32_t texel) {
-    const uint32_t k = texel % per_probe;
-    return texel / per_probe * interior.size() +
-           static_cast<std::size_t>(tileTexel(static_cast<int>(k) % n, static_cast<int>(k) / n, n,
-                                              border));
-  };
-  std::vector<ChannelFit> fits;
-  for (std::size_t c = 0; c < 3; ++c) {
-    std::vector<double> traced;
-    for (const uint32_t t : setup.texel)
-      traced.push_back(static_cast<double>(field.irradiance[stored_place(t)][c]));
-    fits.push_back(startChannel(setup, c, traced));
-  }
-  if (std::none_of(fits.begin(), fits.end(), [](const ChannelFit& f) { return f.power > 0; }))
-    throwInput("{}: none of the receivers that values are fitted to gets light",
-               receivers.scene_path);
-
-  // Texels of the deviations `d`, [channel][unknown].
-  const auto texelsOf = [&](const std::array<std::vector<double>, 3>& d) {
-    std::vector<Vec3f> stored = result.irradiance;
-    std::vector<Vec3f> inner(field.positions.size() * per_probe);
-    for (std::size_t i = 0; i < stored.size(); ++i) {
-      const std::size_t probe = i / interior.size();
-      const uint32_t t = static_cast<uint32_t>(probe * per_probe +
-                                               static_cast<std::size_t>(interior[i % interior.size()]));
-      const uint32_t k = setup.unknown[t];
-      if (k == kNone) continue;
-      for (std::size_t c = 0; c < 3; ++c)
-        stored[i][c] = static_cast<float>(
-            std::max(0.0, fits[c].traced[k] + fits[c].scale[k] * d[c][k]));
-    }
-    return stored;
-  };
-  result.train_before = nrmseOf(field, result.irradiance, params, points);
-  for (; result.linearisations < (setup.linear ? 1 : kMaxLinearisations);) {
-    ++result.linearisations;
-    std::array<std::vector<double>, 3> wanted, d;
-    parallelFor(3, 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t c = begin; c < end; ++c)
-        wanted[c] = fits[c].power > 0 ? linearStep(setup, fits[c], rows) : fits[c].d;
-    });
-    double before = 0, after = 0;
-    for (const ChannelFit& f : fits)
-      if (f.power > 0) before += costOf(setup, f, f.d, rows);
-    double share = 1;
-    std::vector<Vec3f> stored;
-    Rows next;
-    for (int k = 0; k < kMaxHalvings; ++k, share /= 2) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        d[c] = fits[c].d;
-        for (std::size_t i = 0; i < d[c].size(); ++i) d[c][i] += share * (wanted[c][i] - d[c][i]);
-      }
-      stored = texelsOf(d);
-      next = texelRows(field, stored, params, points.points);
-      after = 0;
-      for (const ChannelFit& f : fits)
-        if (f.power > 0) after += costOf(setup, f, d[f.channel], next);
-      if (after <= before) break;
-    }
-    if (after > before) break;
-    for (std::size_t c = 0; c < 3; ++c) fits[c].d = d[c];
-    result.irradiance = stored;
-    rows = std::move(next);
-    if (before - after <= kSettled * before) break;
-  }
-  for (const ChannelFit& f : fits) result.iterations = std::max(result.iterations, f.iterations);
-  result.train_after = nrmseOf(field, result.irradiance, params, points);
-  return result;
+  const bool lit = std::any_of(points.a.begin(), points.a.end(),
+                               [](const Vec3d& a) { return maxComponent(a) > 0; });
+  if (!lit)
+    throwInput("{}: none of the receivers that values are fitted to gets light in state {}",
+               receivers.scene_path, receivers.state);
+  return ValueFitter(field, points, params, settings).run();
 }
 
 std::vector<Vec3f> transferGains(const std::vector<Vec3f>& traced, const std::vector<Vec3f>& fitted,
