@@ -53,6 +53,7 @@ ProbeLayout startLayout(const PlacementInput& input) {
 
 ProbeLayout placeOptimized(const PlacementInput& input) {
   const int pool = integerOption(input, "pool", 0, 1000);
+  const int pool_least = integerOption(input, "pool_least", 0, 1000000);
   const double pool_share = numberOption(input, "pool_share", 0, 1);
   const double relative = numberOption(input, "relative", 0, 1);
   SearchSettings search;
@@ -83,7 +84,10 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   JudgedPoints judged = trainPoints(data);
   if (pool > 0)
     addPool(judged, data, plan,
-            {.points = pool * input.probes, .share = pool_share, .spacing_m = spacing}, input.seed);
+            {.points = std::max(pool * input.probes, pool_least),
+             .share = pool_share,
+             .spacing_m = spacing},
+            input.seed);
   const Objective objective = {
       .state_weights = stateWeights(data, estimateLayout(data, start, input.params), own_only),
       .relative = relative};
@@ -113,6 +117,7 @@ const Strategy kOptimizedStrategy = {
         {"wall_gap", "0.02", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
         {"pool", "40", "0 .. 1000",
          "candidates, x probes, that the chosen ones should make superfluous"},
+        {"pool_least", "16000", "0 .. 1e6", "as many at least, however few the probes"},
         {"pool_share", "0.7", "0 .. 1", "their share of the cost; train receivers have the rest"},
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
         {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
