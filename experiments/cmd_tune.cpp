@@ -313,6 +313,13 @@ void addSearchOptions(CLI::App& app, TuneOptions& options) {
       ->check(checkNotNegative)
       ->capture_default_str()
       ->group(group);
+  app.add_option("--parsimony", options.settings.parsimony,
+                 "parameters stay as they were where, together, that raises the cost by less than "
+                 "this share; 0: off")
+      ->type_name("X")
+      ->check(checkNotNegative)
+      ->capture_default_str()
+      ->group(group);
   app.add_flag("--leave-one-out", options.leave_one_out,
                "also tune on all scenes but one and score that one, for each")
       ->group(group);

@@ -57,7 +57,10 @@ Json compareSearches(const HeldFields& held, const Params& from, const SolveResu
                      int evaluations, uint64_t seed) {
   const TuneObjective objective = held.objective(from);
   const std::vector<double> start = toCoordinates(objective.keys, from);
-  return {{"levenberg_marquardt", descentJson(first.best_after)},
+  SolveSettings single;
+  single.starts = 1, single.candidates = 0, single.seed = seed;
+  return {{"levenberg_marquardt", descentJson(solveTuning(objective, single).best_after)},
+          {"multi_start", descentJson(first.best_after)},
           {"nelder_mead", descentJson(nelderMead(objective, start, evaluations))},
           {"random", descentJson(randomSearch(objective, evaluations, seed))}};
 }

@@ -22,9 +22,10 @@ struct BiasMapResult {
 BiasMapResult mapBiases(const HeldFields& held, const Params& from, const Params& tuned, int size,
                         const Invocation& invocation);
 
-// Lowest cost after so many evaluations of the first field's objective: {name: [[evaluations,
-// cost]]} where it fell, for the multi-start solution and, with as many evaluations, Nelder-Mead
-// from the values of `from` and random search.
+// Lowest cost of the first field's objective after so many evaluations, where it fell:
+// {name: [[evaluations, cost]]}, for Levenberg-Marquardt from the values of `from` alone, for the
+// multi-start solution, and, with `evaluations`, for Nelder-Mead from the same values and random
+// search. An evaluation with derivatives counts as 1 + parameters.
 Json compareSearches(const HeldFields& held, const Params& from, const SolveResult& first,
                      int evaluations, uint64_t seed);
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "base/error.h"
 #include "base/interrupt.h"
@@ -42,6 +43,26 @@ double largestMove(const std::vector<TunedKey>& keys, const Params& a, const Par
   for (const TunedKey& key : keys)
     largest = std::max(largest, std::abs(a.*key.value - b.*key.value) / (key.high - key.low));
   return largest;
+}
+
+// `solved` with values of the start in their places, the cheapest first, while the cost stays below
+// (1 + parsimony) times the solution's.
+Params simplified(const HeldFields& held, const TuneProblem& problem, Params solved,
+                  double parsimony) {
+  const double allowed = (1 + parsimony) * held.cost(solved);
+  for (std::size_t turn = 0; turn < problem.keys.inner.size(); ++turn) {
+    std::optional<Params> best;
+    double least = allowed;
+    for (const TunedKey& key : problem.keys.inner) {
+      Params tried = solved;
+      tried.*key.value = problem.from.*key.value;
+      if (tried.*key.value == solved.*key.value) continue;
+      if (const double cost = held.cost(tried); cost <= least) best = tried, least = cost;
+    }
+    if (!best) break;
+    solved = *best;
+  }
+  return solved;
 }
 
 // A round's steps: the solution, then halves of it, until the field that is run with it is no
@@ -139,6 +160,7 @@ void alternate(TuneFields& fields, const TuneProblem& problem, const TuneSetting
     Params solved;
     SolveResult result = solveInner(held, problem, tuned.params, first ? settings.solve : later,
                                     tuned, solved, invocation.common.quiet);
+    if (settings.parsimony > 0) solved = simplified(held, problem, solved, settings.parsimony);
     TuneRound round;
     round.before = round.after = tuned.cost;
     round.solved = result.cost;

@@ -19,6 +19,9 @@ struct TuneSettings {
   SolveSettings solve;  // of the first solution; later ones start from the one before
   int rounds = 4;       // at most: a solution and fields that are run again
   int outer_evaluations = 12;
+  // A parameter stays as it was where going back to that raises the cost by less than this share,
+  // of all that do together: what hardly matters here may matter under another light.
+  double parsimony = 0.005;
 };
 
 // Values that are sought, and parts to seek them on.
