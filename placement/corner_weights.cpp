@@ -73,7 +73,7 @@ std::vector<Vec3f> viewpoints(const Lattice& corners, std::size_t corner, const 
   return places;
 }
 
-std::vector<CornerWeight> knnFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
+std::vector<CornerWeight> nearestFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
                                   const FreeSpace& space, const std::vector<Vec3f>& from,
                                   const CornerSettings& settings) {
   const auto k = static_cast<std::size_t>(settings.k);
@@ -88,15 +88,15 @@ std::vector<CornerWeight> knnFrom(const NearestProbes& probes, const std::vector
   return sets.size() == 1 ? sets[0] : meanWeights(sets);
 }
 
-CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+CornerWeights nearestWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                          const FreeSpace& space, const CornerSettings& settings) {
   const NearestProbes probes(positions);
   CornerWeights weights(static_cast<std::size_t>(corners.pointCount()));
   forCorners(corners, space, [&](std::size_t i, const std::vector<Vec3f>& from) {
-    weights[i] = knnFrom(probes, positions, space, from, settings);
+    weights[i] = nearestFrom(probes, positions, space, from, settings);
   });
   if (std::ranges::all_of(weights, [](const auto& at) { return at.empty(); }))
-    for (auto& at : weights) at = knnFrom(probes, positions, space, {space.roomiest()}, settings);
+    for (auto& at : weights) at = nearestFrom(probes, positions, space, {space.roomiest()}, settings);
   return weights;
 }
 
@@ -114,7 +114,7 @@ CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>
       return std::ranges::none_of(
           from, [&](const Vec3f& p) { return seesPlace(embree, positions[w.probe], p); });
     });
-    if (seen[i].empty()) seen[i] = knnFrom(probes, positions, space, from, settings);
+    if (seen[i].empty()) seen[i] = nearestFrom(probes, positions, space, from, settings);
   });
   if (std::ranges::all_of(seen, [](const auto& at) { return at.empty(); }))
     return barycentricWeights(corners, positions);

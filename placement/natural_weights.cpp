@@ -112,8 +112,8 @@ CornerWeights naturalWeights(const Lattice& corners, const std::vector<Vec3f>& p
     }
   CornerSettings nearest = settings;
   nearest.k = 1;
-  const CornerWeights others = knnWeights(corners, positions, space, nearest);
-  const CornerWeights walls = knnWeights(corners, positions, space, settings);
+  const CornerWeights others = nearestWeights(corners, positions, space, nearest);
+  const CornerWeights walls = nearestWeights(corners, positions, space, settings);
   for (std::size_t i = 0; i < weights.size(); ++i)
     if (weights[i].empty()) weights[i] = usable[i] ? others[i] : walls[i];
   return weights;

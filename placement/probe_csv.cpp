@@ -36,7 +36,7 @@ bool readNumber(std::string_view text, double& value) {
 }  // namespace
 
 FilePoints readCsvPoints(const std::filesystem::path& path) {
-  const std::string text = readTextFile(path);
+  const std::string text = readCsvFile(path);
   FilePoints points;
   bool first = true;
   int number = 0;

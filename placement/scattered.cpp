@@ -65,7 +65,7 @@ ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
     weights = tetrahedraWeights(corners, positions, space, settings);
 #endif
   else
-    weights = knnWeights(corners, positions, space, settings);
+    weights = nearestWeights(corners, positions, space, settings);
   ProbeLayout layout = scatteredLayout(interpolant, std::move(positions), input.scene.bounds,
                                        corners, std::move(weights));
   layout.pinned = std::move(pinned);

@@ -20,7 +20,7 @@ void visibleProbes(const NearestProbes& probes, const std::vector<Vec3f>& positi
                    const FreeSpace& space, const Vec3f& place, std::size_t count, bool visibility,
                    std::vector<NearProbe>& visible);
 
-// (1 - d / r)^2 for the first k of them; see knnWeights.
+// (1 - d / r)^2 for the first k of them; see nearestWeights.
 std::vector<CornerWeight> kernelWeights(const std::vector<NearProbe>& visible, std::size_t k);
 
 // Maximum-entropy weights (placement/maxent.h) of the first k of them at a place, without those

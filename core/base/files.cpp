@@ -47,6 +47,12 @@ std::string readTextFile(const fs::path& path) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
+std::string readCsvFile(const fs::path& path) {
+  std::string text = readTextFile(path);
+  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
+  return text;
+}
+
 void writeFileAtomically(const fs::path& path, const std::function<void(const fs::path&)>& write) {
   const fs::path temporary = temporaryPath(path);
   std::error_code ec;

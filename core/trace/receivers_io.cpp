@@ -168,7 +168,7 @@ Receiver parsePoint(std::string_view line, const std::string& where, const Scene
 
 Receivers readReceiverPoints(const std::filesystem::path& csv, const Scene& scene,
                              const EmbreeScene& embree, const Reachability& reachability) {
-  const std::string text = readTextFile(csv);
+  const std::string text = readCsvFile(csv);
   Receivers receivers;
   bool may_be_header = true;
   std::size_t number = 0;

@@ -32,12 +32,12 @@ std::vector<Vec3f> viewpoints(const Lattice& corners, std::size_t corner, const 
 // corners the set changes without a jump. Where no more than k are visible (a small room, a small
 // N) none ever leaves by distance, and r is twice the farthest one's. A place that sees none of the
 // 256 nearest probes takes the nearest ones regardless. Of several viewpoints the mean counts;
-// corners without one are left empty.
-CornerWeights knnWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
+// corners without one are left empty. With a `sharpness` the k weigh by maximum entropy instead.
+CornerWeights nearestWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                          const FreeSpace& space, const CornerSettings& settings);
 
 // The same for one corner with these viewpoints.
-std::vector<CornerWeight> knnFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
+std::vector<CornerWeight> nearestFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
                                   const FreeSpace& space, const std::vector<Vec3f>& from,
                                   const CornerSettings& settings);
 

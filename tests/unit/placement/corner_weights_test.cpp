@@ -64,7 +64,7 @@ TEST(InfluenceCorners, AreAboutHalfASpacingApartAndBounded) {
   EXPECT_LE(influenceCorners({{0, 0, 0}, {1, 1, 1}}, 1e-5).pointCount(), 2000000);
 }
 
-TEST(KnnWeights, CountOnlyProbesThatTheCornerSees) {
+TEST(NearestWeights, CountOnlyProbesThatTheCornerSees) {
   Place place(twoRooms());
   const PlacementInput input = place.input(60);
   const FreeSpace space(input);
@@ -72,7 +72,7 @@ TEST(KnnWeights, CountOnlyProbesThatTheCornerSees) {
   const std::vector<Vec3f> right = randomPoints({{0.1f, 0.05f, 0.05f}, {3, 2.9f, 2.9f}}, 30, 2);
   positions.insert(positions.end(), right.begin(), right.end());
   const Lattice corners = influenceCorners(place.scene.bounds, 0.9);
-  const CornerWeights weights = knnWeights(corners, positions, space, {});
+  const CornerWeights weights = nearestWeights(corners, positions, space, {});
   int filled = 0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
     const Vec3f corner = corners.position(static_cast<int>(i));
@@ -89,7 +89,7 @@ TEST(KnnWeights, CountOnlyProbesThatTheCornerSees) {
   }
   EXPECT_GT(filled, 100);
   // Without visibility the wall does not count.
-  const CornerWeights blind = knnWeights(corners, positions, space, {8, false});
+  const CornerWeights blind = nearestWeights(corners, positions, space, {8, false});
   bool across = false;
   for (std::size_t i = 0; i < blind.size(); ++i)
     for (const CornerWeight& w : blind[i])
@@ -112,28 +112,28 @@ TEST(Viewpoints, OfACornerInAWallLieOnBothSides) {
   EXPECT_EQ(right, 4);
   EXPECT_EQ(viewpoints(corners, 12, space), std::vector<Vec3f>{Vec3f(-0.5f, 1.5f, 1.5f)});
   const std::vector<Vec3f> positions = {{-1, 1.5f, 1.5f}, {1, 1.5f, 1.5f}};
-  EXPECT_EQ(knnWeights(corners, positions, space, {})[13].size(), 2u);
-  EXPECT_EQ(knnWeights(corners, positions, space, {})[12].size(), 1u);
+  EXPECT_EQ(nearestWeights(corners, positions, space, {})[13].size(), 2u);
+  EXPECT_EQ(nearestWeights(corners, positions, space, {})[12].size(), 1u);
 }
 
-TEST(KnnWeights, FallToZeroAtTheNextProbesDistance) {
+TEST(NearestWeights, FallToZeroAtTheNextProbesDistance) {
   Place place(emptySpace());
   const PlacementInput input = place.input(3);
   const FreeSpace space(input);
   const std::vector<Vec3f> positions = {{0.1f, 0, 0}, {0.3f, 0, 0}, {0.5f, 0, 0}};
   const Lattice corners = makeLattice({{0, -1, -1}, {1, 1, 1}}, {2, 3, 3});
-  const CornerWeights weights = knnWeights(corners, positions, space, {2, true});
+  const CornerWeights weights = nearestWeights(corners, positions, space, {2, true});
   const auto& at = weights[2 * (3 + 1)];  // the corner at 0, 0, 0
   ASSERT_EQ(at.size(), 2u);
   EXPECT_NEAR(at[0].weight, (1 - 0.2) * (1 - 0.2), 1e-6);  // (1 - 0.1 / 0.5)^2
   EXPECT_NEAR(at[1].weight, (1 - 0.6) * (1 - 0.6), 1e-6);
   // With k = 3 there is no fourth: r is twice the third's distance.
-  const CornerWeights open = knnWeights(corners, positions, space, {3, true});
+  const CornerWeights open = nearestWeights(corners, positions, space, {3, true});
   ASSERT_EQ(open[8].size(), 3u);
   EXPECT_NEAR(open[8][2].weight, 0.25, 1e-6);
 }
 
-TEST(KnnWeights, KeepProbesAtEqualDistance) {
+TEST(NearestWeights, KeepProbesAtEqualDistance) {
   Place place(emptySpace());
   const PlacementInput input = place.input(8);
   const FreeSpace space(input);
@@ -142,7 +142,7 @@ TEST(KnnWeights, KeepProbesAtEqualDistance) {
     positions.emplace_back(i & 1 ? 0.5f : -0.5f, i & 2 ? 0.5f : -0.5f, i & 4 ? 0.5f : -0.5f);
   const Lattice corners = makeLattice({{-1, -1, -1}, {1, 1, 1}}, {3, 3, 3});
   for (const int k : {1, 4, 8})
-    EXPECT_EQ(knnWeights(corners, positions, space, {k, true})[13].size(),
+    EXPECT_EQ(nearestWeights(corners, positions, space, {k, true})[13].size(),
               static_cast<std::size_t>(k));
 }
 

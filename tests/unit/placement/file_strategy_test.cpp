@@ -103,6 +103,8 @@ TEST_F(FileStrategy, ReadsCsvWithHeaderCommentsAndPins) {
   EXPECT_EQ(layout.positions[1], Vec3f(3, 1.5f, 4));
   EXPECT_EQ(layout.pinned, (std::vector<uint8_t>{1, 0}));
   EXPECT_TRUE(place(write("q.csv", "1,1,1")).pinned.empty());
+  // A spreadsheet's byte order mark.
+  EXPECT_EQ(place(write("r.csv", "\xEF\xBB\xBF" "x,y,z\n1,1,1\n")).positions.size(), 1u);
 }
 
 TEST_F(FileStrategy, ReadsNodesThroughTheirParents) {

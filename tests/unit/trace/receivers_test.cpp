@@ -236,6 +236,8 @@ TEST_F(PointsFile, ReadsPointsWithAndWithoutHeader) {
   EXPECT_EQ(r.points[0].split, Split::heldout);
   EXPECT_NE(r.points[0].region, r.points[1].region);
   EXPECT_EQ(read("10,1,0,0,1,0\n").points.size(), 1u);
+  // A spreadsheet's byte order mark.
+  EXPECT_EQ(read("\xEF\xBB\xBFx,y,z,nx,ny,nz\n10,1,0,0,1,0\n").points.size(), 1u);
 }
 
 TEST_F(PointsFile, ErrorsNameTheLine) {

@@ -15,6 +15,8 @@ namespace probelab {
 // Throw InputError naming the path when it is missing, a folder, or unreadable.
 std::vector<std::byte> readFile(const std::filesystem::path& path);
 std::string readTextFile(const std::filesystem::path& path);
+// The same without the UTF-8 byte order mark that spreadsheets put first.
+std::string readCsvFile(const std::filesystem::path& path);
 
 // Writes through `write(temporary path)` and renames. The folder must exist (checkWritable).
 void writeFileAtomically(const std::filesystem::path& path,
