@@ -129,7 +129,7 @@ def draw(folder, target):
     from matplotlib import pyplot
     result = json.loads((folder / "tune.json").read_text())
     drawn = []
-    if result.get("bias_map") and (folder / "bias_map.csv").exists():
+    if result.get("bias_map"):
         draw_map(pyplot, result, folder, target)
         drawn.append("bias_map.png")
     if result.get("searches"):
