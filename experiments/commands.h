@@ -17,5 +17,6 @@ void addEvaluateCommand(Program& program);
 void addCompareCommand(Program& program);
 void addTuneCommand(Program& program);
 void addBenchCommand(Program& program);
+void addRunCommand(Program& program);
 
 }  // namespace probelab

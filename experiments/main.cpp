@@ -16,5 +16,6 @@ int main(int argc, char** argv) {
   probelab::addCompareCommand(program);
   probelab::addTuneCommand(program);
   probelab::addBenchCommand(program);
+  probelab::addRunCommand(program);
   return program.run(argc, argv);
 }

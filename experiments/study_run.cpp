@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "study_run.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "base/error.h"
+#include "base/files.h"
+#include "base/interrupt.h"
+#include "base/progress.h"
+
+namespace probelab {
+namespace {
+
+namespace fs = std::filesystem;
+
+void makeFolder(const fs::path& folder) {
+  std::error_code ec;
+  fs::create_directories(folder, ec);
+  if (ec) throwInput("--results {}: cannot be created: {}", folder.string(), ec.message());
+}
+
+// What the program itself is, for its children.
+std::string ownProgram() {
+  std::error_code ec;
+  const fs::path program = fs::read_symlink("/proc/self/exe", ec);
+  if (ec) throw Error("the program's own path cannot be found: " + ec.message());
+  return program.string();
+}
+
+struct Child {
+  pid_t pid = -1;
+  const StudyCell* cell = nullptr;
+  fs::path output, log;
+  Timer timer;
+};
+
+std::vector<std::string> childArguments(const StudyCell& cell, const StudyRun& run,
+                                        const CommonOptions& common) {
+  std::vector<std::string> arguments = cellArguments(cell, run.folder / "files" / cell.id);
+  arguments.insert(arguments.end(), {"--json", "--cache", common.cache});
+  if (!common.device.empty()) arguments.insert(arguments.end(), {"--device", common.device});
+  if (common.validation) arguments.push_back("--validation");
+  const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
+  const unsigned threads = common.threads > 0 ? static_cast<unsigned>(common.threads)
+                                              : std::max(1u, cores / static_cast<unsigned>(run.jobs));
+  if (common.threads > 0 || run.jobs > 1)
+    arguments.insert(arguments.end(), {"--threads", std::to_string(threads)});
+  return arguments;
+}
+
+// In the child: files in place of the standard streams, then the program. Never returns. Only
+// calls that are safe after fork.
+[[noreturn]] void becomeCell(char* const* argv, int output, int log, pid_t parent) {
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() != parent) _exit(1);  // it died before
+  const int null = open("/dev/null", O_RDONLY);
+  dup2(null, STDIN_FILENO);
+  dup2(output, STDOUT_FILENO);
+  dup2(log, STDERR_FILENO);
+  execv(argv[0], argv);
+  _exit(127);
+}
+
+int openForWriting(const fs::path& path) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+  if (file < 0)
+    throw Error(fmt::format("{}: cannot be written: {}", path.string(), std::strerror(errno)));
+  return file;
+}
+
+Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& program,
+                const CommonOptions& common) {
+  Child child;
+  child.cell = &cell;
+  child.output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, getpid());
+  child.log = run.folder / "logs" / (cell.id + ".txt");
+  if (writesFiles(cell)) makeFolder(run.folder / "files" / cell.id);
+  std::vector<std::string> words = {program};
+  for (std::string& word : childArguments(cell, run, common)) words.push_back(std::move(word));
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  const int output = openForWriting(child.output), log = openForWriting(child.log);
+  const pid_t parent = getpid();
+  child.pid = fork();
+  if (child.pid == 0) becomeCell(argv.data(), output, log, parent);
+  close(output);
+  close(log);
+  if (child.pid < 0) throw Error(fmt::format("no process can be started: {}", std::strerror(errno)));
+  return child;
+}
+
+// The last line that says something.
+std::string lastLine(const fs::path& log) {
+  std::string text = readTextFile(log);
+  while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
+  return text.substr(text.find_last_of('\n') + 1);
+}
+
+std::string failureOf(const Child& child, int status) {
+  const std::string said = lastLine(child.log);
+  if (WIFSIGNALED(status))
+    return fmt::format("ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
+  return said.empty() ? fmt::format("exit code {}", WEXITSTATUS(status)) : said;
+}
+
+Json describeCell(const Study& study, const StudyCell& cell, double seconds) {
+  Json axes = Json::object();
+  for (const auto& [name, value] : cell.axes) axes[name] = value;
+  Json options = Json::object();
+  for (const auto& [name, values] : cell.options) options[name] = values;
+  return {{"id", cell.id},           {"study", study.name}, {"command", cell.command},
+          {"scene", cell.scene},     {"axes", axes},        {"options", options},
+          {"seconds", seconds}};
+}
+
+// The child's output as the cell's result; an error text where it is none.
+std::string keepResult(const Study& study, const StudyRun& run, const Child& child) {
+  Json result = Json::parse(readTextFile(child.output), nullptr, false);
+  if (!result.is_object()) return "the command printed no JSON";
+  result["cell"] = describeCell(study, *child.cell, child.timer.seconds());
+  writeTextFile(cellFile(run, *child.cell), result.dump(1) + "\n");
+  return "";
+}
+
+std::string axesText(const StudyCell& cell) {
+  std::string text;
+  for (const auto& [name, value] : cell.axes) text += (text.empty() ? "" : ", ") + value;
+  return text;
+}
+
+class CellRunner {
+ public:
+  CellRunner(const Study& study, const StudyRun& run, const Invocation& invocation)
+      : study_(study), run_(run), invocation_(invocation), program_(ownProgram()) {}
+
+  StudyOutcome run(const std::vector<const StudyCell*>& cells) {
+    const Timer timer;
+    makeFolder(run_.folder / "cells");
+    makeFolder(run_.folder / "logs");
+    checkWritable(run_.folder / "cells" / "x");
+    std::vector<const StudyCell*> missing;
+    for (const StudyCell* cell : cells)
+      readCell(run_, *cell) ? void(++outcome_.found) : missing.push_back(cell);
+    planWork(missing);
+    Progress progress(study_.name, total_, invocation_.common.quiet);
+    std::size_t next = 0;
+    try {
+      while (next < missing.size() || !children_.empty()) {
+        throwIfInterrupted();
+        while (next < missing.size() && static_cast<int>(children_.size()) < run_.jobs)
+          children_.push_back(startCell(*missing[next++], run_, program_, invocation_.common));
+        if (!reap()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        progress.update(finished_);
+      }
+    } catch (...) {
+      endChildren();
+      throw;
+    }
+    progress.finish();
+    outcome_.seconds = timer.seconds();
+    return std::move(outcome_);
+  }
+
+ private:
+  void planWork(const std::vector<const StudyCell*>& missing) {
+    std::vector<std::optional<Json>> results;
+    for (const StudyCell& cell : study_.cells) results.push_back(readCell(run_, cell));
+    for (const StudyCell* cell : missing)
+      total_ += seconds_[cell] = estimateSeconds(study_, *cell, results);
+  }
+
+  // Takes in the children that have ended; whether there was one.
+  bool reap() {
+    bool any = false;
+    for (std::size_t i = 0; i < children_.size();) {
+      int status = 0;
+      if (waitpid(children_[i].pid, &status, WNOHANG) != children_[i].pid) {
+        ++i;
+        continue;
+      }
+      const Child child = std::move(children_[i]);
+      children_.erase(children_.begin() + static_cast<std::ptrdiff_t>(i));
+      any = true;
+      settle(child, status);
+    }
+    return any;
+  }
+
+  void settle(const Child& child, int status) {
+    const bool ok = WIFEXITED(status) && WEXITSTATUS(status) == 0;
+    std::string error;
+    try {
+      error = ok ? keepResult(study_, run_, child) : failureOf(child, status);
+    } catch (...) {
+      removeOutput(child);
+      throw;
+    }
+    removeOutput(child);
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 130) throw Interrupted();
+    finished_ += seconds_[child.cell];
+    if (error.empty()) {
+      ++outcome_.done;
+      return;
+    }
+    outcome_.failures.push_back({child.cell, error});
+    note(invocation_, "failed: {} ({}): {}", child.cell->id, axesText(*child.cell), error);
+  }
+
+  static void removeOutput(const Child& child) {
+    std::error_code ec;
+    fs::remove(child.output, ec);
+  }
+
+  void endChildren() {
+    for (const Child& child : children_) kill(child.pid, SIGINT);
+    for (const Child& child : children_) {
+      waitpid(child.pid, nullptr, 0);
+      removeOutput(child);
+    }
+    children_.clear();
+  }
+
+  const Study& study_;
+  const StudyRun& run_;
+  const Invocation& invocation_;
+  std::string program_;
+  std::vector<Child> children_;
+  std::map<const StudyCell*, double> seconds_;
+  double total_ = 0, finished_ = 0;
+  StudyOutcome outcome_;
+};
+
+// Appends the numbers under `json` by their dotted names.
+void addNumbers(const Json& json, const std::string& name, std::map<std::string, std::string>& row,
+                std::vector<std::string>& columns) {
+  if (json.is_object()) {
+    for (const auto& [key, value] : json.items())
+      addNumbers(value, name.empty() ? key : name + "." + key, row, columns);
+    return;
+  }
+  if (!json.is_number() && !json.is_boolean()) return;
+  if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
+  row[name] = json.dump();
+}
+
+std::string quoteCsv(const std::string& text) {
+  if (text.find_first_of(",\"\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
+  return quoted + "\"";
+}
+
+}  // namespace
+
+fs::path cellFile(const StudyRun& run, const StudyCell& cell) {
+  return run.folder / "cells" / (cell.id + ".json");
+}
+
+std::optional<Json> readCell(const StudyRun& run, const StudyCell& cell) {
+  const fs::path path = cellFile(run, cell);
+  std::error_code ec;
+  if (!fs::is_regular_file(path, ec)) return std::nullopt;
+  Json json = Json::parse(readTextFile(path), nullptr, false);
+  if (!json.is_object() || !json.contains("cell") || json["cell"].value("id", "") != cell.id)
+    return std::nullopt;
+  return json;
+}
+
+double estimateSeconds(const Study& study, const StudyCell& cell,
+                       const std::vector<std::optional<Json>>& results) {
+  constexpr double kGuess = 10;
+  double best_match = -1, seconds = kGuess;
+  for (std::size_t i = 0; i < study.cells.size(); ++i) {
+    if (!results[i]) continue;
+    double match = 0;
+    for (std::size_t a = 0; a < cell.axes.size(); ++a)
+      match += study.cells[i].axes[a].second == cell.axes[a].second ? 1 : 0;
+    if (match > best_match)
+      best_match = match, seconds = (*results[i])["cell"].value("seconds", kGuess);
+  }
+  return std::max(seconds, 0.01);
+}
+
+StudyOutcome runCells(const Study& study, const std::vector<const StudyCell*>& cells,
+                      const StudyRun& run, const Invocation& invocation) {
+  return CellRunner(study, run, invocation).run(cells);
+}
+
+std::string studyTable(const Study& study, const StudyRun& run) {
+  std::vector<std::string> columns;
+  std::vector<std::pair<const StudyCell*, std::map<std::string, std::string>>> rows;
+  for (const StudyCell& cell : study.cells) {
+    std::optional<Json> result = readCell(run, cell);
+    if (!result) continue;
+    const double seconds = (*result)["cell"].value("seconds", 0.0);
+    for (const char* left_out : {"cell", "provenance", "params", "seed"}) result->erase(left_out);
+    rows.emplace_back(&cell, std::map<std::string, std::string>{});
+    addNumbers(*result, "", rows.back().second, columns);
+    rows.back().second["seconds"] = fmt::format("{:.3g}", seconds);
+  }
+  columns.push_back("seconds");
+  std::string csv = "id";
+  for (const std::string& axis : study.axes) csv += "," + quoteCsv(axis);
+  for (const std::string& column : columns) csv += "," + quoteCsv(column);
+  csv += "\n";
+  for (const auto& [cell, row] : rows) {
+    csv += cell->id;
+    for (const auto& [name, value] : cell->axes) csv += "," + quoteCsv(value);
+    for (const std::string& column : columns) {
+      const auto found = row.find(column);
+      csv += "," + (found == row.end() ? "" : quoteCsv(found->second));
+    }
+    csv += "\n";
+  }
+  return csv;
+}
+
+}  // namespace probelab

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""run: studies as cells with identity by content, resumable, and what happens when cells fail."""
+import csv
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import time
+
+from support import PROGRAM, CliTest, write_glb
+
+STUDY = """about = "a try"
+command = "evaluate"
+scenes = ["room.toml"]
+states = "all"
+seeds = [1, 2]
+[options]
+count = 32
+spp = 16
+rays = 16
+updates = 2
+tracer = "embree"
+[[axis]]
+name = "probes"
+option = "probes"
+values = [1, 8]
+[[axis]]
+name = "layout"
+[[axis.value]]
+name = "grid"
+[[axis.value]]
+name = "jittered"
+options = { strategy = "jittered" }
+[size.smoke]
+seeds = [1]
+states = ["day"]
+axes = { probes = [8] }
+"""
+SCENE = """gltf = "room.glb"
+[[state]]
+name = "day"
+[[state]]
+name = "night"
+split = "heldout"
+sky_scale = 0.5
+"""
+TIMES = ("speed", "provenance", "layout_build_s")
+
+
+class RunTest(CliTest):
+    def setUp(self):
+        super().setUp()
+        write_glb(self.folder / "room.glb", emission=(1.0, 0.5, 0.25))
+        (self.folder / "room.toml").write_text(SCENE)
+        self.write(STUDY)
+
+    def write(self, text):
+        (self.folder / "study.toml").write_text(text)
+
+    def study(self, *options):
+        return self.run_json("run", "study.toml", "--cache", "cache", "--results", "out", *options)
+
+    def run_fails(self, code, *arguments):
+        """The last line on stderr."""
+        result = self.run_program(*arguments)
+        self.assertEqual(result.returncode, code, result.stderr)
+        return result.stderr.splitlines()[-1]
+
+    def ids(self, *options):
+        return [c["id"] for c in self.study("--list", *options)["list"]]
+
+    def cells(self, folder="out"):
+        """{id: result without times} of the finished cells."""
+        found = {}
+        for path in (self.folder / folder / "cells").iterdir():
+            self.assertEqual(path.suffix, ".json")
+            result = json.loads(path.read_text())
+            for name in TIMES:
+                result.pop(name, None)
+            result["cell"].pop("seconds")
+            result["layout"].pop("build_s", None)
+            result["receivers"].pop("seconds", None)
+            result["receivers"].pop("from_cache", None)
+            found[path.stem] = result
+        return found
+
+    def test_a_study_is_the_product_of_its_axes(self):
+        cells = self.study("--list")["list"]
+        self.assertEqual(len(cells), 2 * 2 * 2 * 2)
+        self.assertEqual(len({c["id"] for c in cells}), len(cells))
+        self.assertEqual({c["axes"]["state"] for c in cells}, {"day", "night"})
+        self.assertFalse(any(c["done"] for c in cells))
+        smoke = self.study("--list", "--size", "smoke")["list"]
+        self.assertEqual([c["axes"]["layout"] for c in smoke], ["grid", "jittered"])
+        self.assertTrue({c["id"] for c in smoke} <= {c["id"] for c in cells})
+        self.assertEqual(len(self.ids("--size", "smoke", "--scale", "3")), 6)
+
+    def test_identity_is_of_content(self):
+        before = self.ids()
+        self.write(STUDY.replace("a try", "another text"))
+        self.assertEqual(self.ids(), before)
+        self.write(STUDY.replace("rays = 16", "rays = 32"))
+        self.assertFalse(set(self.ids()) & set(before))
+        self.write(STUDY)
+        (self.folder / "room.toml").write_text(SCENE + "# a remark\n")
+        self.assertFalse(set(self.ids()) & set(before))
+
+    def test_what_is_there_is_kept_and_the_table_has_every_cell(self):
+        first = self.study("--size", "smoke")
+        self.assertEqual((first["done"], first["found"], first["failed"]), (2, 0, []))
+        kept = self.cells()
+        again = self.study("--size", "smoke")
+        self.assertEqual((again["done"], again["found"]), (0, 2))
+        self.assertEqual(self.cells(), kept)
+        with open(self.folder / "out/study.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual([r["layout"] for r in rows], ["grid", "jittered"])
+        for row in rows:
+            self.assertEqual(float(row["error.nrmse"]), kept[row["id"]]["error"]["nrmse"])
+        (self.folder / "out/cells" / f"{rows[0]['id']}.json").write_text('{"cell": ')
+        self.assertEqual(self.study("--size", "smoke")["done"], 1)  # a damaged cell is missing
+        self.assertEqual(self.cells(), kept)
+
+    def test_a_cell_is_what_the_command_says(self):
+        self.study("--size", "smoke")
+        for cell in self.cells().values():
+            strategy = "jittered" if cell["cell"]["axes"]["layout"] == "jittered" else "grid"
+            alone = self.run_json("evaluate", "room.toml", "--state", "day", "--seed", 1, "--count",
+                                  32, "--spp", 16, "--rays", 16, "--updates", 2, "--tracer",
+                                  "embree", "--probes", 8, "--strategy", strategy, "--cache",
+                                  "cache")
+            self.assertEqual(cell["error"], alone["error"])
+
+    def test_one_cell_alone(self):
+        chosen = self.ids()[5]
+        self.assertEqual(self.study("--cell", chosen)["done"], 1)
+        self.assertEqual(list(self.cells()), [chosen])
+        self.assertIn("no cell 'abc'", self.run_fails(2, "run", "study.toml", "--cell", "abc"))
+
+    def test_a_failing_cell_stops_no_other(self):
+        self.write(STUDY.replace('strategy = "jittered"', 'strategy = "jitered"'))
+        error = self.run_fails(1, "run", "study.toml", "--size", "smoke", "--cache", "cache",
+                               "--results", "out")
+        self.assertIn("1 of 2 cells failed", error)
+        self.assertIn("unknown strategy 'jitered'", error)
+        self.assertEqual(len(self.cells()), 1)
+
+    def start(self, folder):
+        return subprocess.Popen([PROGRAM, "run", "study.toml", "--cache", "cache", "--results",
+                                 folder, "--jobs", "2", "--quiet"], cwd=self.folder,
+                                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+
+    def wait_for_cells(self, folder, count, process):
+        cells = self.folder / folder / "cells"
+        while process.poll() is None:
+            if cells.is_dir() and len(list(cells.glob("*.json"))) >= count:
+                return
+            time.sleep(0.01)
+
+    def test_killed_and_continued_equals_uninterrupted(self):
+        process = self.start("killed")
+        for done in (2, 5, 9):
+            self.wait_for_cells("killed", done, process)
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+            for path in (self.folder / "killed/cells").glob("*.json"):
+                json.loads(path.read_text())  # whole
+            process = self.start("killed")
+        _, error = process.communicate()
+        self.assertEqual(process.returncode, 0, error)
+        whole = self.start("whole")
+        _, error = whole.communicate()
+        self.assertEqual(whole.returncode, 0, error)
+        left_over = [p for p in (self.folder / "killed/cells").iterdir() if p.suffix != ".json"]
+        for path in left_over:
+            path.unlink()
+        self.assertEqual(self.cells("killed"), self.cells("whole"))
+        self.assertEqual(len(self.cells("whole")), 16)
+
+    def test_an_interrupt_ends_it_and_leaves_nothing_half_done(self):
+        process = self.start("out")
+        self.wait_for_cells("out", 1, process)
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate()
+        self.assertEqual(process.returncode, 130, error)
+        self.assertIn("interrupted", error)
+        self.assertTrue(self.cells())  # asserts that there is nothing but results
+
+    def test_bad_studies_are_named(self):
+        def expect(text, *parts):
+            self.write(text)
+            error = self.run_fails(2, "run", "study.toml", "--list")
+            for part in ("study.toml", *parts):
+                self.assertIn(part, error)
+        expect(STUDY.replace("seeds =", "sseds ="), ":5:", "did you mean 'seeds'")
+        expect(STUDY.replace("room.toml", "rom.toml"), ":3:", "'rom.toml' is not there")
+        expect(STUDY.replace('"evaluate"', '"evalute"'), ":2:", "did you mean 'evaluate'")
+        expect(STUDY.replace("[1, 2]", "[]"), "seeds", "not empty")
+        expect(STUDY.replace("values = [1, 8]", "values = [1, 1]"), "'1' twice")
+        expect(STUDY.replace("count = 32", "seed = 3"), "seeds = [...]")
+        expect(STUDY.replace('states = "all"', 'states = ["dawn"]'), "none of the study's states")
+        expect("about = 3", "about")
+        expect("about = ", ":1:")
+        self.write(STUDY)
+        self.assertIn("did you mean 'smoke'", self.run_fails(2, "run", "study.toml", "--size", "smok"))
+        self.write(STUDY.replace("probes = [8]", "probes = [9]"))
+        self.assertIn("has no '9'", self.run_fails(2, "run", "study.toml", "--size", "smoke"))
+
+    def test_results_that_cannot_be_written(self):
+        (self.folder / "file").write_text("")
+        error = self.run_fails(2, "run", "study.toml", "--size", "smoke", "--results", "file/x")
+        self.assertIn("--results file/x/cells: cannot be created", error)
+        if os.geteuid() == 0:
+            return  # root writes anywhere
+        folder = pathlib.Path(self.folder / "out")
+        folder.mkdir()
+        folder.chmod(0o500)
+        self.assertIn("out", self.run_fails(2, "run", "study.toml", "--size", "smoke", "--results",
+                                            "out"))
