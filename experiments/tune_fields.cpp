@@ -16,6 +16,7 @@ TuneFields::Answer& TuneFields::answer(const TunePart& part, const Params& param
 
 std::unique_ptr<ProbeField> TuneFields::run(const TunePart& part, const Params& params) {
   throwIfInterrupted();
+  const Timer timer;
   FieldSettings settings;
   settings.seed = invocation_.common.seed;
   settings.tracer = parseTracer(options_.tracer);
@@ -30,17 +31,16 @@ std::unique_ptr<ProbeField> TuneFields::run(const TunePart& part, const Params& 
   tracer_ = field->tracerName();
   active_.try_emplace(part.scene, static_cast<int>(field->states().activeCount()));
   ++count_;
+  seconds_ += timer.seconds();
   return field;
 }
 
 template <class Use>
 void TuneFields::withField(const TunePart& part, const Params& params, Use use) {
-  const Timer timer;
   const std::unique_ptr<ProbeField> field = run(part, params);
   Answer& kept = answer(part, params);
   if (kept.estimates.empty()) kept.estimates = queryReceivers(*field, part.state->receivers);
   use(*field, kept);
-  seconds_ += timer.seconds();
 }
 
 const std::vector<Vec3f>& TuneFields::estimates(const TunePart& part, const Params& params) {

@@ -32,11 +32,14 @@ class TuneFields {
   std::shared_ptr<const FrozenState> frozen(const TunePart& part, const Params& params);
   FieldSnapshot snapshot(const TunePart& part, const Params& params);
 
+  // A field of its own that has been run.
+  std::unique_ptr<ProbeField> run(const TunePart& part, const Params& params);
+
   // Lets the texels go that were kept for `params`.
   void forget(const Params& params);
 
-  int count() const { return count_; }         // fields that were run
-  double seconds() const { return seconds_; }  // with their queries
+  int count() const { return count_; }  // fields that were run
+  double seconds() const { return seconds_; }
   const std::string& tracer() const { return tracer_; }
   int activeProbes(const TuneScene& scene) const { return active_.at(&scene); }
 
@@ -48,7 +51,6 @@ class TuneFields {
   using Key = std::pair<const TuneState*, std::string>;
 
   Answer& answer(const TunePart& part, const Params& params);
-  std::unique_ptr<ProbeField> run(const TunePart& part, const Params& params);
   template <class Use>
   void withField(const TunePart& part, const Params& params, Use use);
 

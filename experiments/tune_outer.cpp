@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "base/error.h"
 
@@ -71,7 +72,7 @@ class Search {
         const double u = std::clamp(toUnit(key, values_[i]) + direction * step, 0.0, 1.0);
         std::vector<double> values = values_;
         values[i] = fromUnit(key, u);
-        if (values[i] == values_[i] || !tryValues(values)) continue;
+        if (!seen_.insert(values).second || !tryValues(values)) continue;
         helped = true;
         break;
       }
@@ -121,6 +122,7 @@ class Search {
   Params best_;
   double best_cost_;
   std::vector<double> values_;  // [outer key], of the best
+  std::set<std::vector<double>> seen_;
   bool found_ = false;
 };
 

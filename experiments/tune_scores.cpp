@@ -20,67 +20,6 @@ constexpr const char* kNumbers[] = {"nrmse",      "smape",       "bias",
 constexpr float kBlocksOnDiagonal = 16;
 constexpr double kLeastGap = 0.05;  // of the error, for a share of it to mean anything
 
-struct HeldoutSamples {
-  std::vector<Vec3f> a, b, positions;
-  std::vector<float> area;
-  std::vector<std::size_t> index;  // of the receiver
-};
-
-HeldoutSamples heldoutSamples(const Receivers& receivers) {
-  HeldoutSamples samples;
-  for (std::size_t i = 0; i < receivers.points.size(); ++i) {
-    const Receiver& r = receivers.points[i];
-    if (r.split != Split::heldout) continue;
-    samples.a.push_back(r.a), samples.b.push_back(r.b);
-    samples.positions.push_back(r.position);
-    samples.area.push_back(static_cast<float>(r.area));
-    samples.index.push_back(i);
-  }
-  return samples;
-}
-
-// Of the blocks in the order in which they are numbered.
-std::vector<std::string> blockNames(const HeldoutSamples& samples, const SpatialBlocks& blocks,
-                                    const Box3f& bounds) {
-  std::vector<std::string> names(static_cast<std::size_t>(blocks.count));
-  const Vec3f extent = bounds.max - bounds.min;
-  const float edge = length(extent) / kBlocksOnDiagonal;
-  for (std::size_t i = 0; i < samples.positions.size(); ++i) {
-    const Vec3f p = (samples.positions[i] - bounds.min) / edge;
-    names[static_cast<std::size_t>(blocks.block[i])] =
-        fmt::format("{},{},{}", std::floor(p.x), std::floor(p.y), std::floor(p.z));
-  }
-  return names;
-}
-
-std::vector<double> blocksOf(const std::vector<Vec3f>& estimates, const HeldoutSamples& samples,
-                             const SpatialBlocks& blocks) {
-  std::vector<Vec3f> estimate;
-  for (const std::size_t i : samples.index) estimate.push_back(estimates[i]);
-  return blockSquaredErrors({.estimate = estimate,
-                             .a = samples.a,
-                             .b = samples.b,
-                             .position = samples.positions,
-                             .area = samples.area,
-                             .region = {},
-                             .kind = {}},
-                            blocks);
-}
-
-Json numbersJson(const ErrorReport& report) {
-  const Json all = toJson(report);
-  Json json, floors;
-  for (const char* name : kNumbers) json[name] = all[name];
-  for (const char* name : kNumbers) floors[name] = all["noise_floor"][name];
-  json["noise_floor"] = floors;
-  return json;
-}
-
-Json intervalJson(const std::optional<RatioInterval>& interval) {
-  if (!interval) return nullptr;
-  return {{"ratio", interval->ratio}, {"low", interval->low}, {"high", interval->high}};
-}
-
 // Means of logarithms by scene, then over scenes.
 std::optional<GainSummary> summarize(const std::vector<PartScore>& scores, bool same_lights,
                                      const std::string& name, const std::vector<std::string>& of) {
@@ -118,6 +57,52 @@ const char* lightsName(bool same) { return same ? "train" : "heldout"; }
 
 }  // namespace
 
+HeldoutBlocks::HeldoutBlocks(const Receivers& receivers, const Box3f& bounds) {
+  for (std::size_t i = 0; i < receivers.points.size(); ++i) {
+    const Receiver& r = receivers.points[i];
+    if (r.split != Split::heldout) continue;
+    a_.push_back(r.a), b_.push_back(r.b);
+    positions_.push_back(r.position);
+    area_.push_back(static_cast<float>(r.area));
+    index_.push_back(i);
+  }
+  blocks_ = spatialBlocks(positions_, bounds);
+  names_.resize(static_cast<std::size_t>(blocks_.count));
+  const float edge = length(bounds.max - bounds.min) / kBlocksOnDiagonal;
+  for (std::size_t i = 0; i < positions_.size(); ++i) {
+    const Vec3f p = (positions_[i] - bounds.min) / edge;
+    names_[static_cast<std::size_t>(blocks_.block[i])] =
+        fmt::format("{},{},{}", std::floor(p.x), std::floor(p.y), std::floor(p.z));
+  }
+}
+
+std::vector<double> HeldoutBlocks::errors(const std::vector<Vec3f>& estimates) const {
+  std::vector<Vec3f> estimate;
+  for (const std::size_t i : index_) estimate.push_back(estimates[i]);
+  return blockSquaredErrors({.estimate = estimate,
+                             .a = a_,
+                             .b = b_,
+                             .position = positions_,
+                             .area = area_,
+                             .region = {},
+                             .kind = {}},
+                            blocks_);
+}
+
+Json numbersJson(const ErrorReport& report) {
+  const Json all = toJson(report);
+  Json json, floors;
+  for (const char* name : kNumbers) json[name] = all[name];
+  for (const char* name : kNumbers) floors[name] = all["noise_floor"][name];
+  json["noise_floor"] = floors;
+  return json;
+}
+
+Json intervalJson(const std::optional<RatioInterval>& interval) {
+  if (!interval) return nullptr;
+  return {{"ratio", interval->ratio}, {"low", interval->low}, {"high", interval->high}};
+}
+
 const SettingScore& PartScore::of(const std::string& name) const {
   const auto found = std::find_if(settings.begin(), settings.end(),
                                   [&](const SettingScore& score) { return score.name == name; });
@@ -130,9 +115,8 @@ PartScore scorePart(TuneFields& fields, const TunePart& part,
   PartScore score;
   score.part = part;
   const Receivers& receivers = part.state->receivers;
-  const HeldoutSamples samples = heldoutSamples(receivers);
-  const SpatialBlocks blocks = spatialBlocks(samples.positions, part.scene->scene.bounds);
-  score.blocks = blockNames(samples, blocks, part.scene->scene.bounds);
+  const HeldoutBlocks blocks(receivers, part.scene->scene.bounds);
+  score.blocks = blocks.names();
   for (const TuneSetting& setting : settings) {
     SettingScore result;
     result.name = setting.name;
@@ -143,7 +127,7 @@ PartScore scorePart(TuneFields& fields, const TunePart& part,
     const std::vector<Vec3f>& estimates = fields.estimates(part, setting.params);
     result.train = scoreEstimates(estimates, receivers, ScoredSplit::train);
     result.heldout = scoreEstimates(estimates, receivers, ScoredSplit::heldout);
-    if (result.heldout.all.nrmse) result.blocks = blocksOf(estimates, samples, blocks);
+    if (result.heldout.all.nrmse) result.blocks = blocks.errors(estimates);
     score.settings.push_back(std::move(result));
   }
   const std::vector<double>& tuned = score.of(kTunedSetting).blocks;

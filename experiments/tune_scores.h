@@ -24,6 +24,27 @@ struct TuneSetting {
 inline constexpr const char* kFromSetting = "from";
 inline constexpr const char* kTunedSetting = "tuned";
 
+// Held-out receivers by the cubes of metrics/bootstrap.h.
+class HeldoutBlocks {
+ public:
+  HeldoutBlocks(const Receivers& receivers, const Box3f& bounds);
+  // "i,j,k", counted from the bounds' least corner.
+  const std::vector<std::string>& names() const { return names_; }
+  // blockSquaredErrors of estimates at all receivers, [block].
+  std::vector<double> errors(const std::vector<Vec3f>& estimates) const;
+
+ private:
+  std::vector<Vec3f> a_, b_, positions_;
+  std::vector<float> area_;
+  std::vector<std::size_t> index_;  // of the receiver
+  SpatialBlocks blocks_;
+  std::vector<std::string> names_;
+};
+
+// nrmse, smape, bias and leaks, with their noise_floor.
+Json numbersJson(const ErrorReport& report);
+Json intervalJson(const std::optional<RatioInterval>& interval);  // {ratio, low, high} or null
+
 struct SettingScore {
   std::string name;
   ErrorReport train, heldout;         // by receivers
@@ -35,7 +56,7 @@ struct SettingScore {
 // Of one state of one scene.
 struct PartScore {
   TunePart part;
-  std::vector<std::string> blocks;  // "i,j,k": cubes counted from the bounds' least corner
+  std::vector<std::string> blocks;  // HeldoutBlocks::names
   std::vector<SettingScore> settings;
   const SettingScore& of(const std::string& name) const;
 };

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""tune: parameters as a file that loads again, its scores, and what is refused."""
+import csv
+import json
+import math
+import signal
+import subprocess
+import tomllib
+import unittest
+
+from support import PROGRAM, ROOM_TRIANGLES, CliTest, write_glb
+
+# Nothing here is about accuracy.
+FIELD = ("--rays", 32, "--updates", 2, "--tracer", "embree", "--probes", 27)
+TRUTH = ("--count", 192, "--spp", 256, "--cache", "cache")
+QUICK = (*FIELD, *TRUTH, "--starts", 2, "--against", "rtxgi")
+
+SCENE = """gltf = "room.glb"
+[[light]]
+name = "lamp"
+type = "point"
+intensity = 5.0
+position = [0.5, 2.0, 0.5]
+[[camera]]
+name = "corner"
+position = [1.5, 1.6, 1.5]
+target = [0.0, 1.0, 0.0]
+[[state]]
+name = "day"
+[[state]]
+name = "dusk"
+lights = { lamp = { intensity = 1.0, position = [-1.0, 2.0, 0.5] } }
+[[state]]
+name = "night"
+split = "heldout"
+lights = { lamp = { intensity = 0.5 } }
+"""
+
+
+class TuneTest(CliTest):
+    def setUp(self):
+        super().setUp()
+        write_glb(self.folder / "room.glb", emission=(1.0, 0.5, 0.25))
+        (self.folder / "room.toml").write_text(SCENE)
+
+    def tune(self, *options, output="tuned.toml", scene="room.toml"):
+        return self.run_json("tune", scene, "-o", output, *QUICK, *options)
+
+    def score(self, result, state, setting):
+        """The held-out numbers of a setting."""
+        part, = (s for s in result["scores"] if s["state"] == state)
+        row, = (s for s in part["settings"] if s["setting"] == setting)
+        return row["heldout"]
+
+
+class Tune(TuneTest):
+    def test_result_and_file(self):
+        result = self.tune()
+        for name in ("scenes", "from", "parameters", "singular_values", "correlation", "cost",
+                     "settled", "rounds", "outer", "starts", "evaluations", "gradients", "error",
+                     "summary", "gains", "scores", "params", "fields", "seconds", "provenance"):
+            self.assertIn(name, result)
+        self.assertEqual([p["key"] for p in result["parameters"]],
+                         ["normal_bias", "view_bias", "visibility_floor", "chebyshev_power",
+                          "facing_offset", "crush_threshold"])
+        # Never worse on what it minimises; two states are tuned on, the third is not.
+        self.assertLess(result["cost"]["tuned"], result["cost"]["from"])
+        self.assertEqual([(s["state"], s["lights"]) for s in result["scores"]],
+                         [("day", "train"), ("dusk", "train"), ("night", "heldout")])
+        for before, after in ((r["before"], r["after"]) for r in result["rounds"]):
+            self.assertLessEqual(after, before)
+        # A file that TOML reads, with what was tuned and the base.
+        text = (self.folder / "tuned.toml").read_text()
+        values = tomllib.loads(text)
+        self.assertEqual(values["preset"], "probelab")
+        self.assertEqual(values["rays"], 32)
+        for p in result["parameters"]:
+            self.assertEqual(values[p["key"]], p["tuned"])
+            self.assertGreaterEqual(p["tuned"], p["low"])
+            self.assertLessEqual(p["tuned"], p["high"])
+        self.assertIn("x s_i, was 0.1", text)
+        self.assertIn("night (not tuned on)", text)
+
+    def test_scores_are_those_of_evaluate(self):
+        result = self.tune("--vary", "normal_bias,view_bias")
+        common = (*FIELD, *TRUTH, "--state", "night")
+        tuned = self.run_json("evaluate", "room.toml", *common, "--params", "tuned.toml")
+        rtxgi = self.run_json("evaluate", "room.toml", *common, "--params", "rtxgi")
+        for name, found in (("tuned", tuned), ("rtxgi", rtxgi)):
+            for error in ("nrmse", "smape", "light_leak", "shadow_leak"):
+                self.assertEqual(self.score(result, "night", name)[error], found["error"][error])
+        part = result["scores"][2]
+        gain = next(s for s in part["settings"] if s["setting"] == "rtxgi")["gain"]
+        self.assertAlmostEqual(gain["ratio"], rtxgi["error"]["nrmse"] / tuned["error"]["nrmse"],
+                               delta=1e-6)
+        self.assertLessEqual(gain["low"], gain["ratio"])
+        self.assertGreaterEqual(gain["high"] or math.inf, gain["ratio"])  # null: unbounded
+
+    def test_same_seed_same_bytes(self):
+        self.tune("--vary", "normal_bias,chebyshev_power", output="a.toml")
+        self.run_ok("tune", "room.toml", "-o", "b.toml", *QUICK, "--threads", 1, "--quiet",
+                    "--vary", "normal_bias,chebyshev_power")
+        self.assertEqual((self.folder / "a.toml").read_bytes(),
+                         (self.folder / "b.toml").read_bytes())
+
+    def test_one_state(self):
+        result = self.tune("--state", "dusk", "--vary", "view_bias")
+        self.assertEqual([(s["state"], s["lights"]) for s in result["scores"]],
+                         [("dusk", "train"), ("day", "heldout"), ("night", "heldout")])
+
+    def test_from_a_file_with_changes(self):
+        (self.folder / "mine.toml").write_text('preset = "gdc2019"\nnormal_bias = 0.2\n')
+        result = self.tune("--from", "mine.toml", "--set", "variance_bias=0.01", "--vary",
+                           "normal_bias")
+        values = tomllib.loads((self.folder / "tuned.toml").read_text())
+        self.assertEqual(values["preset"], "gdc2019")
+        self.assertEqual(values["variance_bias"], 0.01)
+        self.assertEqual(set(values), {"preset", "variance_bias", "normal_bias", "rays"})
+        self.assertEqual(result["parameters"][0]["from"], 0.2)
+
+    def test_keys_that_change_the_atlases(self):
+        result = self.tune("--vary", "view_bias,distance_exponent", "--outer-evaluations", 3,
+                           "--rounds", 1)
+        self.assertEqual(len(result["outer"]), 3)
+        self.assertEqual([p["key"] for p in result["parameters"]],
+                         ["view_bias", "distance_exponent"])
+        tried = [step["values"]["distance_exponent"] for step in result["outer"]]
+        self.assertEqual(len({*tried, 200}), 4)  # none twice
+        self.assertLessEqual(result["cost"]["tuned"], result["cost"]["from"])
+
+    def test_report_and_map(self):
+        (self.folder / "report").mkdir()
+        result = self.tune("--vary", "normal_bias,view_bias", "--report", "report", "--bias-map",
+                           "map.csv", "--bias-map-size", 3, "--compare-searches", 20)
+        table = json.loads((self.folder / "report/tune.json").read_text())
+        for part in table["scores"]:
+            for setting in part["settings"]:
+                # The blocks' errors sum to nrmse^2.
+                self.assertAlmostEqual(math.sqrt(max(0, sum(setting["blocks"].values()))),
+                                       setting["heldout"]["nrmse"], delta=1e-6)
+        rows = list(csv.DictReader((self.folder / "map.csv").read_text().splitlines()))
+        self.assertEqual(len(rows), 9)
+        self.assertEqual((self.folder / "map.csv").read_text(),
+                         (self.folder / "report/bias_map.csv").read_text())
+        # No point of the map has a lower cost than what was found, but for what parsimony allows.
+        least = min(float(r["cost"]) for r in rows)
+        self.assertAlmostEqual(least, result["bias_map"]["least_cost"], delta=1e-6 * least)
+        self.assertLess(result["bias_map"]["tuned_cost"], 1.01 * least)
+        places = {p["name"]: p for p in result["bias_map"]["places"]}
+        self.assertEqual((places["rtxgi"]["normal_bias"], places["rtxgi"]["view_bias"]),
+                         (0.04, 0.04))
+        for name, steps in result["searches"].items():
+            costs = [cost for _, cost in steps]
+            self.assertEqual(costs, sorted(costs, reverse=True), name)
+        self.assertEqual(result["searches"]["nelder_mead"][-1][0], 20)
+
+    def test_text_report(self):
+        text = self.run_ok("tune", "room.toml", "-o", "tuned.toml", *QUICK, "--vary",
+                           "view_bias").stdout
+        for words in ("view_bias", "round", "held-out receivers", "noise floor", "over tuned",
+                      "traced visibility", "settled"):
+            self.assertIn(words, text)
+
+
+class SeveralScenes(TuneTest):
+    def setUp(self):
+        super().setUp()
+        (self.folder / "other.toml").write_text(SCENE.replace("0.5, 2.0, 0.5", "-0.5, 1.0, 0.5"))
+
+    def test_shared_and_leave_one_out(self):
+        options = ("--vary", "view_bias", "--rounds", 1, "--parsimony", 0)
+        result = self.run_json("tune", "room.toml", "other.toml", "-o", "tuned.toml", *QUICK,
+                               *options, "--leave-one-out")
+        self.assertEqual(len(result["scores"]), 6)
+        folds = result["leave_one_out"]["folds"]
+        self.assertEqual([f["left_out"] for f in folds], [s["scene"] for s in result["scenes"]])
+        for fold in folds:
+            self.assertEqual({s["scene"] for s in fold["scores"]}, {fold["left_out"]})
+        # A fold is what the other scene alone gives, and not what both give.
+        alone = self.tune(*options, output="alone.toml")
+        self.assertEqual(folds[1]["values"]["view_bias"], alone["parameters"][0]["tuned"])
+        self.assertNotEqual(folds[0]["values"], folds[1]["values"])
+        self.assertNotEqual(alone["parameters"][0]["tuned"], result["parameters"][0]["tuned"])
+
+    def test_options_of_one_scene(self):
+        for option, value in (("--receivers", "r.json"), ("--layout", "l.json")):
+            self.assert_refused("tune", "room.toml", "other.toml", "-o", "t.toml", option, value,
+                                words=(option, "one scene"))
+        self.assert_refused("tune", "room.toml", "room.toml", "-o", "t.toml",
+                            words=("room.toml", "named twice"))
+
+
+class Refusals(TuneTest):
+    def refuse(self, *options, words=(), output="t.toml", scene="room.toml"):
+        self.assert_refused("tune", scene, "-o", output, "--quiet", *options, words=words)
+
+    def test_keys(self):
+        self.refuse("--vary", "normal_bais", words=("normal_bais", "normal_bias"))
+        self.refuse("--vary", "view_bias,view_bias", words=("view_bias", "twice"))
+        self.refuse("--vary", "relocation", words=("relocation", "cannot be tuned"))
+        self.refuse("--vary", "crush_threshold", "--set", "crush=none",
+                    words=("crush_threshold", "no effect"))
+
+    def test_outputs(self):
+        self.refuse(output="tuned.json", words=(".toml",))
+        self.refuse(output="room.toml", words=("room.toml", "read by this command"))
+        (self.folder / "mine.toml").write_text('preset = "rtxgi"\n')
+        self.refuse("--from", "mine.toml", output="mine.toml", words=("read by this command",))
+        (self.folder / "notes.toml").write_text('title = "mine"\n')
+        self.refuse(output="notes.toml", words=("notes.toml", "no parameters"))
+        self.refuse("--report", "missing", words=("missing",))
+
+    def test_receivers(self):
+        for count in (1, 8):
+            result = self.run_program("tune", "room.toml", "-o", "t.toml", *FIELD, "--quiet",
+                                      "--count", count, "--spp", 32, "--cache", "cache")
+            self.assertEqual(result.returncode, 2)
+            self.assertIn("too few", result.stderr)
+            self.assertFalse((self.folder / "t.toml").exists())
+        self.refuse("--points", "p.csv", words=("--points", "held out"))
+
+    def test_unlit_scene(self):
+        write_glb(self.folder / "dark.glb")
+        result = self.run_program("tune", "dark.glb", "-o", "t.toml", *QUICK, "--quiet")
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("no train receiver gets light", result.stderr)
+        self.assertEqual(len(result.stderr.splitlines()), 1)
+        self.assertFalse((self.folder / "t.toml").exists())
+
+    def test_no_active_probe(self):
+        # Two walls face outwards, so every probe sees back faces and counts as inside of something.
+        triangles = [t[::-1] if i < 4 else t for i, t in enumerate(ROOM_TRIANGLES)]
+        write_glb(self.folder / "outwards.glb", triangles=triangles, emission=(1.0, 0.5, 0.25))
+        result = self.run_program("tune", "outwards.glb", "-o", "t.toml", *QUICK, "--quiet",
+                                  "--set", "classification=inside", "--set",
+                                  "backface_threshold=0.05")
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("active", result.stderr)
+        self.assertEqual(len(result.stderr.splitlines()), 1)
+        self.assertFalse((self.folder / "t.toml").exists())
+
+    def test_requirement(self):
+        self.refuse("--require", "gain<=1", words=("gain",))
+        result = self.run_program("tune", "room.toml", "-o", "t.toml", *QUICK, "--quiet", "--vary",
+                                  "view_bias", "--require", "summary.gain_from>=1000")
+        self.assertEqual(result.returncode, 3, result.stderr)
+        self.assertTrue((self.folder / "t.toml").exists())
+
+    def test_interrupted(self):
+        process = subprocess.Popen(
+            [PROGRAM, "tune", "room.toml", "-o", "t.toml", *map(str, TRUTH), "--tracer", "embree",
+             "--probes", "27", "--updates", "150"],
+            cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        while not process.stderr.readline().startswith("round 1"):
+            self.assertIsNone(process.poll())
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, errors)
+        self.assertFalse((self.folder / "t.toml").exists())
+        self.assertEqual([f for f in self.files() if "t.toml" in f], [])
+
+
+if __name__ == "__main__":
+    unittest.main()
