@@ -1,0 +1,135 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the studies in results folders of `probelab run`: for each a figure as PDF and PNG, a CSV
+of what is plotted and a caption (.txt), in DIR/figures. Of a study that is not finished it draws
+what is there, and the caption says how much that is. Needs matplotlib (Debian: python3-matplotlib).
+
+  scripts/figures.py results/runs/error_vs_n results/runs/thin_wall
+  scripts/figures.py results/runs/* -o results/figures --only speed_error
+"""
+import argparse
+import csv
+import io
+import pathlib
+import sys
+
+from figures_captions import caption
+from figures_cells import InputError, load_folder
+from figures_tables import TABLES, kind_of
+
+
+def table_text(rows):
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: "" if v is None else f"{v:.9g}" if isinstance(v, float) else v
+                         for k, v in row.items()})
+    return text.getvalue()
+
+
+def write_tables(study, kind, folder, damaged):
+    """The tables of a study and their files' names; the captions are for the figures drawn."""
+    tables, written = TABLES[kind](study), []
+    if not any(tables.values()):
+        raise InputError(f"{study.folder}: none of the {len(study.cells)} cells of '{study.name}' "
+                         "has the numbers that its figure shows")
+    for suffix, rows in tables.items():
+        path = folder / (file_stem(study, suffix) + ".csv")
+        path.write_text(table_text(rows))
+        written.append(path)
+    return tables, written
+
+
+def file_stem(study, suffix):
+    return f"{study.name}_{suffix}" if suffix else study.name
+
+
+def draw_study(pyplot, study, kind, folder, damaged):
+    """Writes all files of a study; returns their paths."""
+    import figures_curves
+    import figures_dots
+    folder.mkdir(parents=True, exist_ok=True)
+    tables, written = write_tables(study, kind, folder, damaged)
+    name = f"draw_{kind}"
+    draw = getattr(figures_curves, name, None) or getattr(figures_dots, name)
+    for suffix, figure in draw(pyplot, study, tables).items():
+        stem = file_stem(study, suffix)
+        figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})
+        figure.savefig(folder / f"{stem}.png")
+        pyplot.close(figure)
+        (folder / f"{stem}.txt").write_text(caption(kind, suffix, study, tables, damaged))
+        written += [folder / f"{stem}{ending}" for ending in (".pdf", ".png", ".txt")]
+    return written
+
+
+def note(text):
+    print(f"figures.py: {text}", file=sys.stderr)
+
+
+def choose(folder, studies, only):
+    """(study, kind) of those that can be drawn and are wanted; says which cannot."""
+    chosen = []
+    for study in studies:
+        kind = kind_of(study)
+        if kind is None:
+            hint = "; scripts/tuning_figure.py draws tuning" if study.command == "tune" else ""
+            note(f"{folder}: no figure is known for study '{study.name}'{hint}")
+        elif not only or study.name in only or kind in only:
+            chosen.append((study, kind))
+    return chosen
+
+
+def run(options):
+    """Exit code; raises InputError."""
+    work, failed, sources = [], False, {}
+    for folder in options.folders:
+        studies, damaged = load_folder(folder)
+        for line in damaged:
+            note(line)
+            failed = True
+        for study, kind in choose(folder, studies, options.only):
+            target = options.output or folder / "figures"
+            other = sources.setdefault((target, study.name), folder)
+            if other != folder:
+                raise InputError(f"{folder}: study '{study.name}' is in {other} too; give them "
+                                 "separate output folders")
+            work.append((study, kind, target, len(damaged)))
+    if not work:
+        only = f" named {' or '.join(options.only)}" if options.only else ""
+        raise InputError(f"{', '.join(map(str, options.folders))}: no study{only} to draw")
+    try:
+        from figures_panels import load_pyplot
+        pyplot = load_pyplot()
+    except ImportError as error:
+        raise InputError(f"matplotlib cannot be loaded ({error}); Debian: python3-matplotlib, for "
+                         "/usr/bin/python3") from error
+    for study, kind, target, damaged in work:
+        for path in draw_study(pyplot, study, kind, target, damaged):
+            print(path)
+    return 1 if failed else 0
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", metavar="DIR", nargs="+", type=pathlib.Path,
+                        help="results of a study, as given to probelab run --results")
+    parser.add_argument("-o", "--output", metavar="OUT", type=pathlib.Path,
+                        help="one folder for all figures (default: DIR/figures)")
+    parser.add_argument("--only", metavar="NAME", action="append", choices=sorted(TABLES),
+                        help="draw this study alone; may be repeated: " + ", ".join(sorted(TABLES)))
+    options = parser.parse_args()
+    try:
+        return run(options)
+    except InputError as error:
+        note(error)
+        return 2
+    except OSError as error:
+        note(f"{error.filename}: {error.strerror}")
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The captions of figures: what is drawn, and from which runs. Standard library only."""
+from figures_cells import completeness
+from figures_tables import LAW, LEAST_LEAK
+
+INTERVALS = ("Points are means over seeds, after the lighting states of a scene are combined within "
+             "each seed (root of the mean square for nrmse, else the mean); intervals are the least "
+             "and the most of the seeds")
+NO_INTERVALS = "One seed: no intervals"
+FLOOR = "dotted: the noise floor, the reference's own noise"
+
+SAYS = {
+    "error_vs_n": "Error (nrmse) against the number of probes stored, by layout; the number beside "
+                  "a curve is its slope in log-log scale (least squares); " + FLOOR,
+    "error_vs_n_leaks": "Light and shadow leak against the number of probes stored, of the same "
+                        "runs; " + FLOOR,
+    "thin_wall": "Light leak into a dark room through the wall beside a lit one. Above: by wall "
+                 "thickness and probes asked for, with the spacing along the wall (root mean square "
+                 "of its two directions, at the thinnest wall); 0: no leak; dots: no cell of the "
+                 "lattice has probes in both rooms. Below: the same against t / (d sin theta), "
+                 "intervals over seeds. t is the thickness; d and theta are the length and the "
+                 "angle with the wall's normal of the ray from a probe at a corner of a lattice "
+                 "cell that the wall cuts to the middle of that cell, so that d sin theta is half "
+                 "the diagonal of the cell's face along the wall, whatever the spacing across it. "
+                 f"Dashed: {LAW}, from which on the moments' angular blur alone lets no light "
+                 "through (Chebyshev's bound cubed below 0.05), before texels, noise and biases. "
+                 "Open marks: no cell has probes in both rooms (an odd count across, with a layer "
+                 "inside the wall that is not stored, or spacing below the thickness)",
+    "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test; "
+                        "axes are logarithmic, so that the length of a bar has no meaning, its end "
+                        "has; " + FLOOR,
+    "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 updates), "
+                       "and updates until the mean over the receivers is within 90 and 99 % of the "
+                       "last one, by rays a probe and update and by hysteresis; " + FLOOR,
+    "texels": "Error and light leak at a fixed number of probes by the edges of the irradiance and "
+              "moment maps, and the same errors against the bytes that a probe takes (step line: "
+              "Pareto front); " + FLOOR,
+    "interpolants": "Error, light leak and the time of a query by interpolant and layout; " + FLOOR,
+    "formats": "Bias (mean error over mean irradiance) in temporal mode by the format of the "
+               "irradiance, the encoding's gamma, hysteresis and rounding. Dashed: rgba32f of the "
+               "same gamma and hysteresis, that is, what has not arrived after the updates whatever "
+               "the storage; what a point lies below it is lost to storage",
+    "speed_error": "Error against the time of a frame of 1080p (one update and one query a pixel) "
+                   "and against the rays of an update, which no machine changes; a mark's area "
+                   "grows with the logarithm of the field's bytes. Step line: Pareto front of all; "
+                   + FLOOR + ". The table beside it says which setting is first within an error, "
+                   "by the time of its updates from black",
+    "budget": "Error budget: nrmse, its share and light leak of fields in which one stage after "
+              "another is as finite as in the program, all later ones exact; share is the rise of "
+              "the mean squared error over the rung before, by that of the last (negative where an "
+              "error makes up for an older one). Axes of nrmse and light leak are logarithmic, so "
+              "that the length of a bar has no meaning there, its end has; " + FLOOR,
+}
+LEAKS = f"Leaks below {LEAST_LEAK:g} of the mean irradiance are drawn as 0 (the CSV has their values)"
+ALL_SCENES = ("'All scenes' is the geometric mean over scenes; its intervals are 95 % bootstrap "
+              "intervals (2,000 replicates that draw seeds within scenes)")
+
+
+def several(values, most=12):
+    values = [str(v) for v in values if v != ""]
+    if len(values) > most:
+        return ", ".join(values[:most]) + f" and {len(values) - most} more"
+    return ", ".join(values)
+
+
+def scenes_and_states(study):
+    states = {}
+    for cell in study.cells:
+        states.setdefault(cell.scene, dict.fromkeys([]))[cell.state] = None
+    return "; ".join(f"{scene} ({', '.join(of)})" for scene, of in states.items())
+
+
+def probes_text(study):
+    asked = study.distinct(lambda c: (c.result.get("layout") or {}).get("asked"))
+    stored = [c.value("probes.stored") for c in study.cells if c.value("probes.stored")]
+    if not stored:
+        return ""
+    text = f"N: {several(f'{a:,}' for a in asked if a)} probes asked for, "
+    low, high = min(stored), max(stored)
+    return text + (f"{low:,.0f} stored" if low == high else f"{low:,.0f} to {high:,.0f} stored")
+
+
+def run_facts(study):
+    """What the runs had in common, and what not."""
+    options = lambda name: study.distinct(
+        lambda c: " ".join(c.result["cell"].get("options", {}).get(name, [])))
+    facts = [probes_text(study), f"seeds: {several(study.distinct(lambda c: c.seed))}"]
+    rays = study.distinct(lambda c: (c.result.get("params") or {}).get("rays", ""))
+    if any(rays):
+        facts.append(f"rays a probe and update: {several(rays)}")
+    modes = study.distinct(lambda c: c.text("mode"))
+    if any(modes):
+        updates = [u for u in options("updates") if u]
+        facts.append(f"mode: {several(modes)}"
+                     + (f", {several(updates)} updates" if updates else ""))
+    receivers = study.distinct(lambda c: (c.result.get("receivers") or {}).get("count", ""))
+    if any(receivers):
+        splits = study.distinct(lambda c: (c.result.get("receivers") or {}).get("split", ""))
+        facts.append(f"receivers a scene: {several(f'{r:,}' for r in receivers if r)}, scored: "
+                     + several(splits))
+    facts += [f"scenes (states): {scenes_and_states(study)}",
+              f"device: {several(study.distinct(lambda c: c.text('device')))}, tracer "
+              + several(study.distinct(lambda c: c.text("tracer"))),
+              f"version: {several(study.distinct(lambda c: c.text('version')))}"]
+    return [f for f in facts if f]
+
+
+def rungs_text(study):
+    """What the cells say of each rung."""
+    about = {r["name"]: r.get("about", "") for c in study.cells for r in c.result.get("rungs") or []}
+    return "; ".join(f"{name}: {text}" if text else name for name, text in about.items())
+
+
+def caption(kind, suffix, study, tables, damaged):
+    """One paragraph of plain text."""
+    rows = [r for table in tables.values() for r in table]
+    says = SAYS[f"{kind}_{suffix}" if suffix else kind]
+    parts = [says] + [f"The rungs: {rungs_text(study)}"] * (kind == "budget")
+    parts.append(INTERVALS if any((r.get("seeds") or 0) > 1 for r in rows) else NO_INTERVALS)
+    if any(r.get("scene") == "all scenes" for r in rows):
+        parts.append(ALL_SCENES)
+    if "leak" in says and any(r.get("metric") in ("light leak", "shadow leak") for r in rows):
+        parts.append(LEAKS)
+    parts.append(f"From {completeness(study)}; " + "; ".join(run_facts(study)))
+    if study.replaced:
+        parts.append(f"{study.replaced} cells of the same settings but other versions or options "
+                     "are left out")
+    if damaged:
+        parts.append(f"{damaged} damaged cells are left out")
+    return ". ".join(parts) + ".\n"

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What each figure plots, as tables of rows, and what its caption says of them. Standard library
+only. tables_NAME(study) returns {suffix: rows}; the figure is drawn from these rows alone."""
+import math
+import re
+import statistics
+
+from figures_points import (by_seed, combine, groups, mean_of, metric_rows, over_scenes, pareto,
+                            point, scene_states, slope)
+
+LEAST_LEAK = 1e-7  # smaller ones are drawn as zero
+LEAKS = {"light leak": "error.light_leak", "shadow leak": "error.shadow_leak"}
+NRMSE = {"nrmse": "error.nrmse"}
+
+
+# Error and leaks against N.
+
+def slopes(study, states):
+    """Of log nrmse over log N stored: the fit to the points, and the least and most of the fits to
+    each seed's."""
+    rows = []
+    for (scene, layout), cells in groups(study, ["scene", "layout"]).items():
+        points, seeds = [], {}
+        for probes in {c.axes["probes"] for c in cells}:
+            of = [c for c in cells if c.axes["probes"] == probes]
+            n = mean_of(of, "probes.stored", states[scene])
+            errors = by_seed(of, "error.nrmse", states[scene])
+            if errors and n:
+                points.append((n, statistics.fmean(errors.values())))
+            for seed, error in errors.items():
+                seeds.setdefault(seed, []).append((n, error))
+        fits = [s for s in map(slope, seeds.values()) if s is not None]
+        if slope(points) is not None:
+            rows.append({"scene": scene, "layout": layout, "metric": "slope",
+                         "value": slope(points), "low": min(fits, default=None),
+                         "high": max(fits, default=None), "seeds": len(fits)})
+    return rows
+
+
+def tables_error_vs_n(study):
+    rows = metric_rows(study, ["scene", "layout", "probes"], {**NRMSE, **LEAKS},
+                       {"stored": "probes.stored"})
+    rows.sort(key=lambda r: (study.axis("scene").index(r["scene"]),
+                             study.axis("layout").index(r["layout"]), r["metric"], r["stored"]))
+    return {"": rows + slopes(study, scene_states(study))}
+
+
+# Thin wall. scenes/scenelib/rooms.py: two rooms of 4 x 2.6 x 4 m, the wall of thickness t between
+# them at x = 0; the grid's lattice fills the box of both and keeps 0.05 spacings off its faces.
+ROOMS_M, INSET = (8.0, 2.6, 4.0), 0.05
+LAW = 0.182  # t / (d sin theta) from which on moments alone keep the light out
+
+
+def wall_geometry(thickness, count):
+    """Of a receiver at the wall in the middle of a lattice cell, and the four probes of that cell
+    across the wall: d, theta (of the ray to the receiver's point of the wall with the wall's
+    normal), so that d sin theta is half the diagonal of the cell's face along the wall. `joins`:
+    whether any cell has probes in both rooms; a lattice with an odd count has a layer of probes
+    in the wall instead, which are not stored, and none does."""
+    extent = (ROOMS_M[0] + thickness, ROOMS_M[1], ROOMS_M[2])
+    sx, sy, sz = (e / (n - 1 + 2 * INSET) if n > 1 else e for e, n in zip(extent, count))
+    along, d = math.hypot(sy, sz) / 2, math.hypot(sx, sy, sz) / 2
+    return {"spacing_x": sx, "spacing_y": sy, "spacing_z": sz, "d": d,
+            "theta_deg": math.degrees(math.asin(along / d)), "d_sin_theta": along,
+            "ratio": thickness / along, "joins": int(count[0] % 2 == 0 and sx > thickness)}
+
+
+def tables_thin_wall(study):
+    counts = {}
+    for cell in study.cells:
+        if cell.result.get("lattice") and cell.result.get("strategy") == "grid":
+            counts[cell.scene, cell.axes["probes"]] = cell.result["lattice"]
+    rows = []
+    for row in metric_rows(study, ["scene", "probes", "params"], {"light leak": LEAKS["light leak"]},
+                           {"stored": "probes.stored"}):
+        thickness = re.search(r"(\d+)cm$", row["scene"])
+        if thickness and (row["scene"], row["probes"]) in counts:
+            t = int(thickness.group(1)) / 100
+            rows.append({**row, "thickness_m": t,
+                         **wall_geometry(t, counts[row["scene"], row["probes"]])})
+    return {"": sorted(rows, key=lambda r: (study.axis("params").index(r["params"]),
+                                            r["thickness_m"], float(r["probes"])))}
+
+
+# Tables that are one row a setting and number.
+
+def tables_visibility_terms(study):
+    return {"": metric_rows(study, ["scene", "terms"], {**NRMSE, **LEAKS})}
+
+
+def tables_rays_hysteresis(study):
+    return {"": metric_rows(study, ["scene", "rays", "hysteresis"],
+                            {**NRMSE, "flicker": "temporal.flicker",
+                             "updates to 90 %": "temporal.updates_to_90",
+                             "updates to 99 %": "temporal.updates_to_99"})}
+
+
+def tables_texels(study):
+    keys = ["irradiance texels", "moment texels"]
+    rows = metric_rows(study, ["scene", *keys], {**NRMSE, "light leak": LEAKS["light leak"]},
+                       {"bytes_a_probe": "memory.atlas_per_probe"})
+    for scene in study.axis("scene"):
+        of = [r for r in rows if r["scene"] == scene and r["metric"] == "nrmse"]
+        front = pareto([(r["bytes_a_probe"], r["value"]) for r in of])
+        for i, row in enumerate(of):
+            row["front"] = int(i in front)
+    return {"": rows}
+
+
+def tables_interpolants(study):
+    metrics = {**NRMSE, "light leak": LEAKS["light leak"], "query ns": "speed.query_ns_per_point"}
+    rows = metric_rows(study, ["scene", "layout", "interpolant"], metrics)
+    for label, name in metrics.items():
+        rows += over_scenes(study, ["layout", "interpolant"], label, name)
+    return {"": rows}
+
+
+def tables_formats(study):
+    return {"": metric_rows(study, ["scene", "format", "gamma", "hysteresis", "rounding"],
+                            {"bias": "error.bias"})}
+
+
+# Speed against error.
+
+WANTED = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # nrmse
+SETTING = ["params", "probes", "rays"]
+
+
+def first_update_within(cell, wanted):
+    """The first recorded update after which nrmse is within `wanted`, or None."""
+    after = dict((cell.result.get("temporal") or {}).get("nrmse_after") or {})
+    record = {int(k): v for k, v in after.items() if v is not None}
+    if cell.value("updates") and cell.value("error.nrmse") is not None:
+        record[int(cell.value("updates"))] = cell.value("error.nrmse")
+    return min((k for k, v in record.items() if v <= wanted), default=None)
+
+
+def time_to_error(cells, wanted, states):
+    """Mean over seeds and states of the time of the updates until nrmse is within `wanted`; None
+    where one of the runs does not get there."""
+    times, updates, runs = [], [], set()
+    for cell in cells:
+        first, update_ms = first_update_within(cell, wanted), cell.value("speed.update_ms")
+        if first is None or update_ms is None:
+            return None
+        times.append(first * update_ms)
+        updates.append(first)
+        runs.add(cell.state)
+    if runs != set(states):
+        return None
+    return {"time_ms": statistics.fmean(times), "low": min(times), "high": max(times),
+            "updates": statistics.fmean(updates), "runs": len(times)}
+
+
+def fastest(study, states):
+    """The setting that first gets within each error, by the time of its updates."""
+    rows = []
+    for scene in study.axis("scene"):
+        for wanted in WANTED:
+            best = None
+            for values, cells in groups(study, ["scene", *SETTING]).items():
+                found = time_to_error(cells, wanted, states[scene]) if values[0] == scene else None
+                if found and (best is None or found["time_ms"] < best["time_ms"]):
+                    best = {"scene": scene, "nrmse": wanted, **dict(zip(SETTING, values[1:])),
+                            **found}
+            rows.append(best or {"scene": scene, "nrmse": wanted})
+    return rows
+
+
+def tables_speed_error(study):
+    states = scene_states(study)
+    rows = metric_rows(study, ["scene", *SETTING], NRMSE,
+                       {"stored": "probes.stored", "work_rays": "work.rays",
+                        "bytes": "memory_bytes"})
+    cells = groups(study, ["scene", *SETTING])
+    for row in rows:
+        of = cells[tuple(row[k] for k in ("scene", *SETTING))]
+        time = point(of, "speed.frame_ms", states[row["scene"]]) or {}
+        row.update(frame_ms=time.get("value"), frame_ms_low=time.get("low"),
+                   frame_ms_high=time.get("high"))
+    for scene in study.axis("scene"):
+        for cost in ("frame_ms", "work_rays"):
+            of = [r for r in rows if r["scene"] == scene and r[cost]]
+            front = pareto([(r[cost], r["value"]) for r in of])
+            for i, row in enumerate(of):
+                row["front_" + cost] = int(i in front)
+    return {"": rows, "time_to_error": fastest(study, states)}
+
+
+# Error budget.
+
+RUNG_METRICS = ("nrmse", "light_leak", "share")
+
+
+def rung_values(study):
+    """{(scene, other axes, rung, its name, metric): {seed: {state: value}}}"""
+    found = {}
+    for cell in study.cells:
+        setting = ", ".join(cell.axes[a] for a in study.axis_names)
+        for i, rung in enumerate(cell.result.get("rungs") or []):
+            for metric in RUNG_METRICS:
+                if isinstance(rung.get(metric), (int, float)):
+                    key = (cell.scene, setting, i, rung["name"], metric)
+                    found.setdefault(key, {}).setdefault(cell.seed, {})[cell.state] = rung[metric]
+    return found
+
+
+def tables_budget(study):
+    """A row for every scene, setting, rung and metric."""
+    states, rows = scene_states(study), []
+    for (scene, setting, i, name, metric), seeds in rung_values(study).items():
+        values = [combine(metric, list(of.values())) for of in seeds.values()
+                  if set(of) == states[scene]]
+        floor = mean_of([c for c in study.cells if c.scene == scene],
+                        f"error.noise_floor.{metric}", states[scene])
+        if values:
+            rows.append({"scene": scene, "setting": setting, "rung": i, "name": name,
+                         "metric": metric.replace("_", " "), "value": statistics.fmean(values),
+                         "low": min(values), "high": max(values), "seeds": len(values),
+                         "floor": floor})
+    return {"": rows}
+
+
+TABLES = {"error_vs_n": tables_error_vs_n, "thin_wall": tables_thin_wall,
+          "visibility_terms": tables_visibility_terms, "rays_hysteresis": tables_rays_hysteresis,
+          "texels": tables_texels, "interpolants": tables_interpolants, "formats": tables_formats,
+          "speed_error": tables_speed_error, "budget": tables_budget}
+
+# The axes that each one needs; a study of another name with the same axes gets the same figure.
+AXES = {"error_vs_n": {"probes", "layout"}, "thin_wall": {"probes", "params"},
+        "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis"},
+        "texels": {"irradiance texels", "moment texels"}, "interpolants": {"layout", "interpolant"},
+        "formats": {"format", "gamma", "hysteresis", "rounding"},
+        "speed_error": {"params", "probes", "rays"}}
+
+
+def kind_of(study):
+    """Which of the figures a study has, or None."""
+    if study.command == "budget":
+        return "budget"
+    if study.name in AXES and AXES[study.name] <= set(study.axis_names):
+        return study.name
+    return next((kind for kind, axes in AXES.items() if axes == set(study.axis_names)), None)
