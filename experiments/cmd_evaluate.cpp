@@ -70,6 +70,7 @@ Json describe(const EvaluateOptions& options, FieldSetup& setup, const FieldRun&
           {"temporal", nullptr},
           {"stability", nullptr},
           {"ray_proxy", proxyJson(setup.proxy.get())},
+          {"values", toJson(run.values)},
           {"device", setup.gpu.info().name},
           {"tracer", field.tracerName()},
           {"seed", field.options().seed},
@@ -144,6 +145,8 @@ void printResult(const Json& r) {
                     {"memory", formatMemory(r["memory"])}}));
   if (!r["ray_proxy"].is_null())
     fmt::print("{}", formatFields({{"ray proxy", formatProxy(r["ray_proxy"])}}));
+  if (!r["values"].is_null())
+    fmt::print("{}", formatFields({{"values", formatValues(r["values"])}}));
   printErrors(r["error"]);
   printSpeed(r["speed"]);
   const Json& s = r["stability"];
@@ -261,6 +264,7 @@ void addEvaluateCommand(Program& program) {
       [options](const Invocation& invocation) { runEvaluate(*options, invocation); });
   addSceneOptions(app, options->scene, false);
   addFieldOptions(app, options->field);
+  addValuesOption(app, options->field);
   CLI::Option* receivers =
       app.add_option(
              "--receivers", options->receivers,
@@ -292,7 +296,8 @@ void addEvaluateCommand(Program& program) {
           ->type_name("NAME|FILE")
           ->check(checkNamed)
           ->group("Output");
-  for (const char* other : {"--dump", "--dump-field"}) ablation->excludes(app.get_option(other));
+  for (const char* other : {"--dump", "--dump-field", "--values"})
+    ablation->excludes(app.get_option(other));
 }
 
 }  // namespace probelab

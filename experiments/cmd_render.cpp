@@ -112,6 +112,7 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
                  {"memory", memoryJson(*setup.field)},
                  {"state_ms", setup.field->stateStages()},
                  {"ray_proxy", proxyJson(setup.proxy.get())},
+                 {"values", toJson(run.values)},
                  {"comparison", nullptr}};
   if (reference) result["comparison"] = compareImages(image, *reference, {});
   const Image& radiance = reference ? reference->image() : image.image();
@@ -134,6 +135,7 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
                                               run.stopped_early ? ", stopped early" : "")}}));
     if (setup.proxy)
       fmt::print("{}", formatFields({{"ray proxy", formatProxy(result["ray_proxy"])}}));
+    if (run.values) fmt::print("{}", formatFields({{"values", formatValues(result["values"])}}));
     if (reference) fmt::print("\n{}", formatImageErrors(result["comparison"]));
   });
 }
@@ -180,6 +182,7 @@ void addRenderCommand(Program& program) {
                "draw the probes as balls of their irradiance")
       ->group("Image");
   addFieldOptions(app, options->field);
+  addValuesOption(app, options->field);
 }
 
 }  // namespace probelab

@@ -135,6 +135,15 @@ void addFieldOptions(CLI::App& app, FieldOptions& options) {
   addTracingOptions(app, options);
 }
 
+void addValuesOption(CLI::App& app, FieldOptions& options) {
+  app.add_option("--values", options.values,
+                 "texel values fitted to one light, as 'probelab tune --fit-values' writes, put on "
+                 "the field after its last update; for the same probes")
+      ->type_name("VALUES.json")
+      ->check(checkNamed)
+      ->group("Field");
+}
+
 std::vector<std::string> strategyOptionPairs(const FieldOptions& options) {
   std::vector<std::string> pairs = options.option;
   const Strategy& strategy = findStrategy(options.strategy);

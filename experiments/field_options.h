@@ -31,6 +31,7 @@ struct FieldOptions {
   std::string mode = "converged";      // converged | temporal
   std::optional<int> updates;          // temporal: how many; converged: how many are averaged
   std::string tracer = "auto";         // auto | rayquery | embree
+  std::string values;                  // fitted texel values; empty: as traced
   double ray_proxy_m = 0;  // error that probe rays' geometry may have; 0: the scene itself
 };
 
@@ -43,6 +44,9 @@ void addStrategyOptions(CLI::App& app, FieldOptions& options);  // without --lay
 // `flag` names the parameters that --set and --rays change.
 void addParamsOptions(CLI::App& app, FieldOptions& options, const std::string& flag = "--params");
 void addTracingOptions(CLI::App& app, FieldOptions& options);
+
+// --values: runField puts them on the field.
+void addValuesOption(CLI::App& app, FieldOptions& options);
 
 // Every --option, and --lattice and --vertical as the options that they stand for.
 std::vector<std::string> strategyOptionPairs(const FieldOptions& options);

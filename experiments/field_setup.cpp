@@ -7,6 +7,7 @@
 #include "base/progress.h"
 #include "device.h"
 #include "layout_source.h"
+#include "tuning/values_file.h"
 
 namespace probelab {
 namespace {
@@ -56,6 +57,11 @@ FieldSetup::FieldSetup(Params wanted, const SceneOptions& scene_options,
 FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocation& invocation,
                   const UpdateCallback& on_update) {
   FieldRun run;
+  std::optional<TexelValues> values;  // read and checked before the work starts
+  if (!options.values.empty()) {
+    values = readValues(options.values);
+    checkValues(*values, field, options.values);
+  }
   std::unique_ptr<Progress> progress;  // once the number of updates is known
   const auto record = [&](int done, int total) {
     run.updates = done;
@@ -80,12 +86,29 @@ FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocati
            "rounding=dithered or a finer irradiance_format gets nearer",
            run.converged->burn_in_updates, 100 * run.converged->remaining);
   }
+  if (values) {
+    applyValues(field, *values);
+    run.values = ValuesUse{options.values, values->scene, values->state, values->params};
+  }
   return run;
 }
 
 std::vector<double> afterWarmUp(const std::vector<double>& times) {
   const std::size_t skip = times.size() > 2 * kWarmUpUpdates ? kWarmUpUpdates : 0;
   return {times.begin() + static_cast<std::ptrdiff_t>(skip), times.end()};
+}
+
+Json toJson(const std::optional<ValuesUse>& values) {
+  if (!values) return nullptr;
+  return {{"file", values->file},
+          {"scene", values->scene},
+          {"state", values->state},
+          {"params", values->params}};
+}
+
+std::string formatValues(const Json& values) {
+  return fmt::format("{}, fitted to state {}", values["file"].get<std::string>(),
+                     values["state"].get<std::string>());
 }
 
 Json toJson(const Params& params) {

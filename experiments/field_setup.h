@@ -66,16 +66,25 @@ struct FieldSetup : SceneSetup {
              const Invocation& invocation);
 };
 
+// Fitted values that were put on a field, and what they were fitted to.
+struct ValuesUse {
+  std::string file, scene, state, params;
+};
+Json toJson(const std::optional<ValuesUse>& values);  // null without
+std::string formatValues(const Json& values);         // of what toJson gives
+
 // What running the field took.
 struct FieldRun {
   int updates = 0;
   bool stopped_early = false;                           // by variability_threshold
   std::optional<ConvergeReport> converged;              // empty when temporal
+  std::optional<ValuesUse> values;                      // with --values
   std::vector<double> update_ms;                        // wall time, [update]
   std::map<std::string, std::vector<double>> stage_ms;  // "trace" -> [update]
 };
 
 // Runs the field in the mode that the options name, with progress; `on_update` after each update.
+// Last come the values of --values; ones that do not fit are refused before the first update.
 FieldRun runField(ProbeField& field, const FieldOptions& options, const Invocation& invocation,
                   const UpdateCallback& on_update = {});
 

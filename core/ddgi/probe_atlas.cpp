@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ddgi/probe_atlas.h"
 
+#include "base/error.h"
 #include "ddgi/texels.h"
 
 namespace probelab {
@@ -51,6 +52,20 @@ std::vector<Vec3f> downloadIrradiance(GpuContext& context, const ProbeAtlas& atl
   return downloadTexels<Vec3f>(context, atlas, copy, [&](const uint32_t* words) {
     return unpackIrradiance(atlas.format, words);
   });
+}
+
+uint32_t uploadIrradiance(GpuContext& context, ProbeAtlas& atlas, int copy,
+                          std::span<const Vec3f> texels) {
+  PROBELAB_CHECK_EQ(texels.size(), atlas.probes * atlas.side() * atlas.side());
+  const uint32_t words = wordsOf(atlas);
+  std::vector<uint32_t> stored(texels.size() * words);
+  uint32_t clamped = 0;
+  for (std::size_t i = 0; i < texels.size(); ++i) {
+    packIrradiance(atlas.format, texels[i], &stored[i * words]);
+    if (maxComponent(texels[i]) > largestIrradiance(atlas.format)) ++clamped;
+  }
+  uploadArray(context, atlas.copies[static_cast<std::size_t>(copy)], stored);
+  return clamped;
 }
 
 std::vector<Vec2f> downloadMoments(GpuContext& context, const ProbeAtlas& atlas, int copy) {

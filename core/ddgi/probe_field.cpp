@@ -281,7 +281,7 @@ void ProbeField::chooseFlatProbes(std::span<const Vec4f> stats, double mean) {
 void ProbeField::readCounters() {
   const auto data = downloadArray<CounterData>(context_, counter_buffer_).front();
   counters_ = {.non_finite_rays = data.non_finite_rays,
-               .clamped_texels = data.clamped_texels,
+               .clamped_texels = data.clamped_texels + clamped_uploads_,
                .tiny_weight_sums = data.tiny_weight_sums,
                .unoccluded_answers = data.answers[PL_ANSWER_UNOCCLUDED],
                .nearest_answers = data.answers[PL_ANSWER_NEAREST],
@@ -337,6 +337,16 @@ std::vector<Vec3f> ProbeField::irradianceTexels() {
 std::vector<Vec2f> ProbeField::momentTexels() {
   if (params_.visibility == 0) return {};
   return downloadMoments(context_, moments_, current_);
+}
+
+void ProbeField::setIrradianceTexels(std::span<const Vec3f> texels) {
+  const uint64_t per_probe = uint64_t{irradiance_.side()} * irradiance_.side();
+  for (std::size_t i = 0; i < texels.size(); ++i)
+    if (!isFinite(texels[i]) || minComponent(texels[i]) < 0)
+      throw NumericalError(fmt::format(
+          "set texels: an irradiance texel of probe {} is negative or not finite", i / per_probe));
+  clamped_uploads_ += uploadIrradiance(context_, irradiance_, current_, texels);
+  readCounters();
 }
 
 WorkCounts ProbeField::workOfUpdate() const {

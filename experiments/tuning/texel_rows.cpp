@@ -103,8 +103,8 @@ TexelRow rowOf(TexelDual&& answer) {
 
 }  // namespace
 
-std::vector<int> interiorTexels(const LatticeShape& lattice) {
-  const int n = lattice.irradiance_texels, border = lattice.border, side = n + 2 * border;
+std::vector<int> interiorTexels(int texels, int border) {
+  const int n = texels, side = n + 2 * border;
   std::vector<int> interior;
   for (int y = 0; y < side; ++y)
     for (int x = 0; x < side; ++x) interior.push_back(tileTexel(x - border, y - border, n, 0));
@@ -116,7 +116,8 @@ std::vector<std::array<TexelRow, 3>> texelRows(const FieldSnapshot& field,
                                                std::span<const QueryPoint> points) {
   const QueryModes modes = viewModes(field, params);
   const auto query = convertQueryParams<TexelDual>(queryParams(params));
-  const std::vector<int> interior = interiorTexels(field.lattice);
+  const std::vector<int> interior =
+      interiorTexels(field.lattice.irradiance_texels, field.lattice.border);
   const SlopeView view{{field}, stored, interior};
   std::vector<std::array<TexelRow, 3>> rows(points.size());
   parallelFor(points.size(), 64, [&](std::size_t begin, std::size_t end) {

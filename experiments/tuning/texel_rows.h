@@ -13,7 +13,7 @@ namespace probelab {
 
 // The unknowns of a field: interior texels, [probe][y][x]. A border's texel is the interior one
 // that it repeats. [place in a probe's stored tile] -> interior texel.
-std::vector<int> interiorTexels(const LatticeShape& lattice);
+std::vector<int> interiorTexels(int texels, int border);
 
 struct TexelSlope {
   uint32_t texel = 0;  // probe * interior texels a probe + interior texel

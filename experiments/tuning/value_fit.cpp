@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/error.h"
 #include "base/parallel.h"
@@ -18,6 +19,8 @@ constexpr int kMaxLinearisations = 30;
 constexpr int kMaxHalvings = 8;
 constexpr double kSettled = 1e-4;       // relative fall of the cost by a linearisation
 constexpr double kSmallestGain = 0.01;  // where the slope by a texel of 0 is infinite
+constexpr double kDarkest = 1e-6;       // of the mean texel; darker ones stay: no gain is known
+constexpr double kUnbounded = std::numeric_limits<double>::infinity();
 constexpr uint32_t kFixed = 0xffffffffu;
 
 using Rows = std::vector<std::array<TexelRow, 3>>;
@@ -67,7 +70,7 @@ class Unknowns {
  public:
   // All interior texels of the probes that red reads; the other channels read the same.
   Unknowns(const FieldSnapshot& field, const Rows& rows)
-      : interior_(interiorTexels(field.lattice)),
+      : interior_(interiorTexels(field.lattice.irradiance_texels, field.lattice.border)),
         side_(field.lattice.irradiance_texels),
         of_probe_(field.positions.size(), kFixed) {
     for (const auto& row : rows)
@@ -176,9 +179,10 @@ void ValueFitter::startChannel(std::size_t channel) {
   p.smooth = settings_.smoothness * squares;
   p.pairs = unknowns_.neighbours();
   for (const double t : fit.traced) {
-    const double scale = (t + settings_.floor * mean) / params_.encoding_gamma;
+    const bool moves = t > kDarkest * mean;
+    const double scale = moves ? (t + settings_.floor * mean) / params_.encoding_gamma : 0;
     fit.scale.push_back(scale);
-    p.low.push_back(scale > 0 ? ((linear_ ? 0 : kSmallestGain) - 1) * t / scale : 0);
+    p.low.push_back(moves ? ((linear_ ? 0 : kSmallestGain) - 1) * t / scale : -kUnbounded);
   }
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <vector>
 
 #include "ddgi/params.h"
@@ -30,6 +31,11 @@ ProbeAtlas makeAtlas(GpuContext& context, AtlasKind kind, const Params& params, 
 // mean square of the distance in units of r_i.
 std::vector<Vec3f> downloadIrradiance(GpuContext& context, const ProbeAtlas& atlas, int copy);
 std::vector<Vec2f> downloadMoments(GpuContext& context, const ProbeAtlas& atlas, int copy);
+
+// Writes the irradiance texels of one copy, in the order of downloadIrradiance, rounded to nearest.
+// Returns how many are beyond the format's largest number and were stored as that.
+uint32_t uploadIrradiance(GpuContext& context, ProbeAtlas& atlas, int copy,
+                          std::span<const Vec3f> texels);
 
 // Formats and layout as the stages know them.
 Defines atlasDefines(const Params& params);

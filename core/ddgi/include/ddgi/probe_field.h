@@ -83,6 +83,11 @@ class ProbeField {
   // visibility).
   std::vector<Vec3f> irradianceTexels();
   std::vector<Vec2f> momentTexels();
+  // Replaces the irradiance texels: the same order and encoding, rounded to nearest in the format,
+  // the border's as given. Queries read them until the next update, which blends them into its own;
+  // running averages do not know them. Throws NumericalError naming the probe of one that is
+  // negative or not finite; those beyond the format's largest number count as clamped.
+  void setIrradianceTexels(std::span<const Vec3f> texels);
 
   // Mean over texels of active probes that are not black of the last update's coefficient of
   // variation of the stored values (shaders/ddgi/probe_stats.comp.glsl); 1 while all are black.
@@ -159,6 +164,7 @@ class ProbeField {
   uint64_t updates_ = 0;
   double variability_ = 1;
   Counters counters_{};
+  uint32_t clamped_uploads_ = 0;  // by setIrradianceTexels; the device does not count them
   std::map<std::string, double> update_stages_;
   double update_wall_ms_ = 0;
 };

@@ -42,9 +42,10 @@ struct ValueFit {
 
 // Fits to the receivers of `split` under the query parameters `params`, which must go with the
 // field's texels. Texels stay non-negative (above 1 % of the traced value where E is not linear in
-// them); those of probes that no receiver reads keep their value, and so does a channel without
-// light. Parallel and deterministic. Throws InputError where no receiver is of the split or none of
-// them gets light, where `params` ask for what the field has not, and on settings out of range.
+// them); those of probes that no receiver reads keep their value, and so do texels without light
+// (below 1e-6 of the mean, where no gain is known) and a channel without any. Parallel and
+// deterministic. Throws InputError where no receiver is of the split or none of them gets light,
+// where `params` ask for what the field has not, and on settings out of range.
 ValueFit fitValues(const FieldSnapshot& field, const Receivers& receivers, Split split,
                    const Params& params, const ValueFitSettings& settings);
 
