@@ -29,8 +29,8 @@ def table_text(rows):
     return text.getvalue()
 
 
-def write_tables(study, kind, folder, damaged):
-    """The tables of a study and their files' names; the captions are for the figures drawn."""
+def write_tables(study, kind, folder):
+    """The tables of a study and their files' names."""
     tables, written = TABLES[kind](study), []
     if not any(tables.values()):
         raise InputError(f"{study.folder}: none of the {len(study.cells)} cells of '{study.name}' "
@@ -51,7 +51,7 @@ def draw_study(pyplot, study, kind, folder, damaged):
     import figures_curves
     import figures_dots
     folder.mkdir(parents=True, exist_ok=True)
-    tables, written = write_tables(study, kind, folder, damaged)
+    tables, written = write_tables(study, kind, folder)
     name = f"draw_{kind}"
     draw = getattr(figures_curves, name, None) or getattr(figures_dots, name)
     for suffix, figure in draw(pyplot, study, tables).items():
@@ -90,6 +90,8 @@ def run(options):
             note(line)
             failed = True
         for study, kind in choose(folder, studies, options.only):
+            for line in study.left_out:
+                note(f"{folder}: {study.name}: {line}")
             target = options.output or folder / "figures"
             other = sources.setdefault((target, study.name), folder)
             if other != folder:

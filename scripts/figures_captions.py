@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The captions of figures: what is drawn, and from which runs. Standard library only."""
-from figures_cells import completeness
+from figures_cells import completeness, count
 from figures_tables import LAW, LEAST_LEAK
 
-INTERVALS = ("Points are means over seeds, after the lighting states of a scene are combined within "
-             "each seed (root of the mean square for nrmse, else the mean); intervals are the least "
-             "and the most of the seeds")
+INTERVALS = ("Points are means over seeds, after the lighting states of a scene are combined "
+             "within each seed (root of the mean square for nrmse, else the mean); intervals are "
+             "the least and the most of the seeds")
 NO_INTERVALS = "One seed: no intervals"
 FLOOR = "dotted: the noise floor, the reference's own noise"
 
@@ -15,8 +15,8 @@ SAYS = {
     "error_vs_n_leaks": "Light and shadow leak against the number of probes stored, of the same "
                         "runs; " + FLOOR,
     "thin_wall": "Light leak into a dark room through the wall beside a lit one. Above: by wall "
-                 "thickness and probes asked for, with the spacing along the wall (root mean square "
-                 "of its two directions, at the thinnest wall); 0: no leak; dots: no cell of the "
+                 "thickness and probes asked for, with the spacing along the wall (root mean "
+                 "square of its two directions, at the thinnest wall); 0: no leak; dots: no cell of the "
                  "lattice has probes in both rooms. Below: the same against t / (d sin theta), "
                  "intervals over seeds. t is the thickness; d and theta are the length and the "
                  "angle with the wall's normal of the ray from a probe at a corner of a lattice "
@@ -29,8 +29,8 @@ SAYS = {
     "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test; "
                         "axes are logarithmic, so that the length of a bar has no meaning, its end "
                         "has; " + FLOOR,
-    "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 updates), "
-                       "and updates until the mean over the receivers is within 90 and 99 % of the "
+    "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
+                       "updates), and updates until the mean over the receivers is within 90 and 99 % of the "
                        "last one, by rays a probe and update and by hysteresis; " + FLOOR,
     "texels": "Error and light leak at a fixed number of probes by the edges of the irradiance and "
               "moment maps, and the same errors against the bytes that a probe takes (step line: "
@@ -38,8 +38,8 @@ SAYS = {
     "interpolants": "Error, light leak and the time of a query by interpolant and layout; " + FLOOR,
     "formats": "Bias (mean error over mean irradiance) in temporal mode by the format of the "
                "irradiance, the encoding's gamma, hysteresis and rounding. Dashed: rgba32f of the "
-               "same gamma and hysteresis, that is, what has not arrived after the updates whatever "
-               "the storage; what a point lies below it is lost to storage",
+               "same gamma and hysteresis, that is, what has not arrived after the updates "
+               "whatever the storage; what a point lies below it is lost to storage",
     "speed_error": "Error against the time of a frame of 1080p (one update and one query a pixel) "
                    "and against the rays of an update, which no machine changes; a mark's area "
                    "grows with the logarithm of the field's bytes. Step line: Pareto front of all; "
@@ -51,7 +51,8 @@ SAYS = {
               "error makes up for an older one). Axes of nrmse and light leak are logarithmic, so "
               "that the length of a bar has no meaning there, its end has; " + FLOOR,
 }
-LEAKS = f"Leaks below {LEAST_LEAK:g} of the mean irradiance are drawn as 0 (the CSV has their values)"
+LEAKS = (f"Leaks below {LEAST_LEAK:.0e} of the mean irradiance are drawn as 0; the CSV has their "
+         "values").replace("e-0", "e-")
 ALL_SCENES = ("'All scenes' is the geometric mean over scenes; its intervals are 95 % bootstrap "
               "intervals (2,000 replicates that draw seeds within scenes)")
 
@@ -107,7 +108,8 @@ def run_facts(study):
 
 def rungs_text(study):
     """What the cells say of each rung."""
-    about = {r["name"]: r.get("about", "") for c in study.cells for r in c.result.get("rungs") or []}
+    about = {r["name"]: r.get("about", "") for c in study.cells
+             for r in c.result.get("rungs") or []}
     return "; ".join(f"{name}: {text}" if text else name for name, text in about.items())
 
 
@@ -122,9 +124,7 @@ def caption(kind, suffix, study, tables, damaged):
     if "leak" in says and any(r.get("metric") in ("light leak", "shadow leak") for r in rows):
         parts.append(LEAKS)
     parts.append(f"From {completeness(study)}; " + "; ".join(run_facts(study)))
-    if study.replaced:
-        parts.append(f"{study.replaced} cells of the same settings but other versions or options "
-                     "are left out")
+    parts += study.left_out
     if damaged:
-        parts.append(f"{damaged} damaged cells are left out")
+        parts.append(f"{count(damaged, 'damaged cell')} left out")
     return ". ".join(parts) + ".\n"

@@ -40,10 +40,11 @@ class Cell:
 
 
 class Study:
-    """The cells of one study of a folder, one for every setting."""
+    """The cells of one study of a folder, one for every setting. `left_out`: texts, for what the
+    others were."""
 
-    def __init__(self, folder, name, cells, replaced):
-        self.folder, self.name, self.cells, self.replaced = folder, name, cells, replaced
+    def __init__(self, folder, name, cells, left_out):
+        self.folder, self.name, self.cells, self.left_out = folder, name, cells, left_out
         self.command = cells[0].command
         self.axis_names = [a for a in cells[0].axes if a not in ("scene", "state", "seed")]
 
@@ -53,6 +54,10 @@ class Study:
 
     def axis(self, name):
         return self.distinct(lambda cell: cell.axes.get(name, ""))
+
+
+def count(number, noun):
+    return f"{number} {noun}" + "s" * (number != 1)
 
 
 def ordered(values):
@@ -82,9 +87,37 @@ def listed_ids(path):
         return {row.get("id") for row in csv.DictReader(file)}
 
 
+def common_options(path):
+    """The options that a study file sets for all cells and no axis changes."""
+    with open(path, "rb") as file:
+        plan = tomllib.load(file)
+    varied = set()
+    for axis in plan.get("axis", []):
+        varied.add(axis.get("option"))
+        for value in axis.get("value", []):
+            varied.update(value.get("options", {}))
+    return sorted(set(plan.get("options", {})) - varied)
+
+
+def of_one_kind(name, cells):
+    """Of cells whose common options differ (sizes of a study that set their own) those of the
+    commonest kind, which alone can be compared; and a text for the rest."""
+    path, kinds = study_file(name), {}
+    names = common_options(path) if path else []
+    for cell in cells:
+        options = cell.result["cell"].get("options", {})
+        kinds.setdefault(tuple(" ".join(options.get(n, [])) for n in names), []).append(cell)
+    best = max(kinds, key=lambda kind: len(kinds[kind]))
+    if len(kinds) == 1:
+        return cells, []
+    differing = [n for i, n in enumerate(names) if len({kind[i] for kind in kinds}) > 1]
+    return kinds[best], [f"{count(len(cells) - len(kinds[best]), 'cell')} with another "
+                         f"{' or '.join(differing)} left out"]
+
+
 def one_for_each_setting(folder, name, cells):
-    """Of cells with the same axes (another version, other options) the one that the study's table
-    lists, else the newest. Returns them and how many were left out."""
+    """Of cells with the same axes (another version of the program, say) the one that the study's
+    table lists, else the newest; and a text for the rest."""
     listed = listed_ids(folder / f"{name}.csv")
     best = {}
     for cell in cells:
@@ -93,7 +126,9 @@ def one_for_each_setting(folder, name, cells):
         if key not in best or rank > best[key][0]:
             best[key] = (rank, cell)
     kept = [cell for _, cell in best.values()]
-    return kept, len(cells) - len(kept)
+    rest = len(cells) - len(kept)
+    return kept, [f"{count(rest, 'cell')} of the same settings but other versions left out"] \
+        * (rest > 0)
 
 
 def load_folder(folder):
@@ -110,8 +145,9 @@ def load_folder(folder):
             damaged.append(str(error))
     studies = []
     for name, cells in sorted(by_study.items()):
-        kept, replaced = one_for_each_setting(folder, name, cells)
-        studies.append(Study(folder, name, in_study_order(name, kept), replaced))
+        alike, others = of_one_kind(name, cells)
+        kept, older = one_for_each_setting(folder, name, alike)
+        studies.append(Study(folder, name, in_study_order(name, kept), others + older))
     return studies, damaged
 
 

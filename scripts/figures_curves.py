@@ -74,7 +74,8 @@ def draw_errors(pyplot, study, rows):
 def draw_leaks(pyplot, study, rows):
     scenes, layouts = study.axis("scene"), study.axis("layout")
     metrics = ["light leak", "shadow leak"]
-    sheet = Sheet(pyplot, 2, len(scenes), 1.75, [*layouts, "noise floor"], sharex=True, sharey="row")
+    sheet = Sheet(pyplot, 2, len(scenes), 1.75, [*layouts, "noise floor"], sharex=True,
+                  sharey="row")
     handles, floor = {}, False
     for metric, line in zip(metrics, sheet.panels):
         of_metric = pick(rows, metric=metric)
@@ -251,7 +252,7 @@ def draw_speed_error(pyplot, study, tables):
 def bytes_text(size):
     for unit, factor in (("MB", 1e6), ("kB", 1e3)):
         if size >= factor:
-            return f"{size / factor:.2g} {unit}" if size < 100 * factor else f"{size / factor:.0f} {unit}"
+            return f"{size / factor:.{1 if size < 10 * factor else 0}f} {unit}"
     return f"{size:.0f} B"
 
 

@@ -116,8 +116,8 @@ def draw_interpolants(pyplot, study, tables):
     scenes = study.axis("scene") + ["all scenes"] * bool(pick(rows, scene="all scenes"))
     names = study.axis("interpolant")
     metrics = [m for m in ("nrmse", "light leak", "query ns") if pick(rows, metric=m)]
-    sheet = Sheet(pyplot, len(metrics), len(scenes), 1.45, [*layouts, "noise floor"], sharex=True,
-                  sharey="row", width=PAGE if len(scenes) > 1 else None)
+    sheet = Sheet(pyplot, len(metrics), len(scenes), 1.3, [*layouts, "noise floor"], more=0.5,
+                  sharex=True, sharey="row", width=PAGE if len(scenes) > 1 else None)
     floor = None
     for metric, line in zip(metrics, sheet.panels):
         of_metric = pick(rows, metric=metric)
@@ -150,8 +150,8 @@ def draw_formats(pyplot, study, tables):
     columns = [(g, h) for g in study.axis("gamma") for h in study.axis("hysteresis")
                if pick(rows, gamma=g, hysteresis=h)]
     roundings = study.axis("rounding")
-    sheet = Sheet(pyplot, len(scenes), len(columns), 1.75, [*roundings, "bias of rgba32f"],
-                  sharex=True, sharey="row", width=PAGE if len(columns) > 1 else None)
+    sheet = Sheet(pyplot, len(scenes), len(columns), 1.6, [*roundings, "bias of rgba32f"],
+                  more=0.8, sharex=True, sharey="row", width=PAGE if len(columns) > 1 else None)
     exact = False
     for scene, line in zip(scenes, sheet.panels):
         for (gamma, hysteresis), panel in zip(columns, line):
@@ -171,9 +171,9 @@ def draw_formats(pyplot, study, tables):
                              rotation_mode="anchor")
             if scene == scenes[0]:
                 panel.set_title(f"gamma {gamma},\nhysteresis {hysteresis}")
-        low, high = line[0].get_ylim()
-        room = 0.08 * (high - low)
-        line[0].set_ylim(min(low, -room), max(high, room))
+        values = [100 * v for v in bounds_of(pick(rows, scene=scene))] + [0]
+        room = max(0.1 * (max(values) - min(values)), 0.5)
+        line[0].set_ylim(min(values) - room, max(values) + room)
         line[0].set_ylabel(f"{pretty(scene)}\nbias, %")
     handles = [pyplot.Line2D([], [], linestyle="", color=colour(i), markersize=4.5,
                              marker=MARKERS[i % len(MARKERS)]) for i in range(len(roundings))]

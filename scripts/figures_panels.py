@@ -20,7 +20,7 @@ def load_pyplot():
 
 def pretty(name):
     scene, _, part = name.partition("/scene_")
-    return " ".join([scene.removesuffix("/scene").replace("_", " "), part.replace("_", " ")]).strip()
+    return f"{scene} {part}".replace("_", " ").strip()
 
 
 def colour(i):
@@ -33,15 +33,18 @@ def shades(pyplot, n):
 
 
 class Sheet:
-    """A figure of panels with room for a legend of `labels` below them."""
+    """A figure of panels with room for a legend of `labels` below them, and `more` inches for long
+    labels of the last row's ticks."""
 
-    def __init__(self, pyplot, rows, columns, row_height, labels=(), width=None, **options):
+    def __init__(self, pyplot, rows, columns, row_height, labels=(), width=None, more=0.0,
+                 **options):
         self.width = width or (COLUMN if columns == 1 else PAGE)
-        entry = 0.42 + 0.062 * max(map(len, labels), default=0)
-        self.legend_columns = max(1, min(len(labels), int(self.width / entry)))
+        entries = [0.42 + 0.062 * len(label) for label in labels]
+        fitting = len(labels) if sum(entries) < self.width else int(self.width / max(entries))
+        self.legend_columns = max(1, fitting)
         lines = math.ceil(len(labels) / self.legend_columns)
         below = LEGEND_ROW * lines + 0.06 if lines else 0
-        height = rows * row_height + below
+        height = rows * row_height + more + below
         self.figure, self.panels = pyplot.subplots(
             rows, columns, figsize=(self.width, height), squeeze=False, **options)
         self.figure.get_layout_engine().set(rect=(0, below / height, 1, 1 - below / height))
@@ -83,14 +86,11 @@ def bounds_of(rows):
     return [v for r in rows for v in (r["value"], r["low"], r["high"]) if v is not None]
 
 
-def short(value):
-    """A tick's label: 0.02, 300, 10^-5."""
-    if value == 0:
-        return "0"
-    size = abs(value)
-    if 0.0099 <= size < 9999:
+def short(value, plain):
+    """A tick's label: 0.02, 300; where not all of an axis are `plain` 10^-5."""
+    if value == 0 or plain or value == 1:
         return f"{value:,.10g}"
-    exponent = math.floor(math.log10(size) + 1e-9)
+    exponent = math.floor(math.log10(abs(value)) + 1e-9)
     mantissa = value / 10 ** exponent
     if abs(mantissa - 1) < 1e-6:
         return f"$10^{{{exponent}}}$"
@@ -99,7 +99,8 @@ def short(value):
 
 def ratio_axis(axis, values, margin=1.25, smallest=0.0):
     """A logarithmic axis for these values, with few, short labels. With zeros among them it is
-    linear below the least that is not zero; so it is below `smallest`, where values count as zero."""
+    linear below the least that is not zero; so it is below `smallest`, where values count as
+    zero."""
     from matplotlib import ticker
     panel, name = axis.axes, axis.axis_name
     positive = [v for v in values if v > smallest]
@@ -129,7 +130,8 @@ def ratio_axis(axis, values, margin=1.25, smallest=0.0):
     while len(ticks) > 5:
         ticks = ([0] if zeros else []) + [t for t in ticks if t != 0][::2]
     axis.set_major_locator(ticker.FixedLocator(ticks))
-    axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: short(v)))
+    plain = all(t == 0 or 0.00099 < t < 1e5 for t in ticks)
+    axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: short(v, plain)))
     minor = [m for m in decades(least / 10, most * 10, range(1, 10))]
     axis.set_minor_locator(ticker.FixedLocator(minor))
     axis.set_minor_formatter(ticker.NullFormatter())
@@ -179,14 +181,13 @@ def floor_lines(panel, xs, rows):
 
 
 def end_labels(panel, labels, gap=0.1):
-    """Texts to the right of the panel beside (y, text, colour), moved apart; after limits are set."""
+    """Texts to the right of the panel for (y, text, colour), moved apart; after limits are set."""
     to_axes = panel.transData + panel.transAxes.inverted()
     x = panel.get_xlim()[1]
     placed = sorted([to_axes.transform((x, y))[1], text, c] for y, text, c in labels)
     for first, second in zip(placed, placed[1:]):
         second[0] = max(second[0], first[0] + gap)
-    over = max(0, placed[-1][0] - 1.0) if placed else 0
-    for i in range(len(placed) - 1, -1, -1):
-        placed[i][0] = min(placed[i][0], 1.0 - gap * (len(placed) - 1 - i)) if over else placed[i][0]
+    for i, label in enumerate(reversed(placed)):
+        label[0] = min(label[0], 1.0 - gap * i)
     for y, text, c in placed:
         panel.text(1.02, y, text, transform=panel.transAxes, color=c, fontsize=7, va="center")

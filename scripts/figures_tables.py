@@ -71,7 +71,8 @@ def tables_thin_wall(study):
         if cell.result.get("lattice") and cell.result.get("strategy") == "grid":
             counts[cell.scene, cell.axes["probes"]] = cell.result["lattice"]
     rows = []
-    for row in metric_rows(study, ["scene", "probes", "params"], {"light leak": LEAKS["light leak"]},
+    light = {"light leak": LEAKS["light leak"]}
+    for row in metric_rows(study, ["scene", "probes", "params"], light,
                            {"stored": "probes.stored"}):
         thickness = re.search(r"(\d+)cm$", row["scene"])
         if thickness and (row["scene"], row["probes"]) in counts:

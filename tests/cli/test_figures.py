@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/figures.py: numbers against sums by hand, whole and half-finished studies, damaged cells.
+
+The figures themselves are drawn by the distribution's Python, which has matplotlib."""
+import csv
+import json
+import math
+import subprocess
+import sys
+
+from support import PROGRAM, SOURCE, CliTest
+
+sys.path.insert(0, str(SOURCE / "scripts"))
+import figures_cells  # noqa: E402
+import figures_points  # noqa: E402
+import figures_tables  # noqa: E402
+
+PYTHON = "/usr/bin/python3"  # the distribution's: scripts/setup installs its matplotlib
+FLOOR = {"nrmse": 0.01, "light_leak": 1e-4, "shadow_leak": 1e-4, "bias": 0.001}
+# Draws all studies of all folders into the last one. Says where a figure's edge is not white (what
+# is drawn there is cut), and where a legend lies on a panel or a text is small.
+DRAW_AND_CHECK = """
+import pathlib, sys
+sys.path.insert(0, sys.argv[1])
+import figures, figures_cells, figures_tables
+from figures_panels import load_pyplot
+pyplot = load_pyplot()
+save = pyplot.Figure.savefig
+def save_and_check(figure, path, **options):
+    save(figure, path, **options)
+    if path.suffix != ".png":
+        return
+    image = pyplot.imread(path)[..., :3]
+    for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
+        if edge.min() < 1:
+            print(path.name, "is cut")
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        if any(box.overlaps(panel.get_window_extent()) for panel in figure.axes):
+            print(path.name, "has its legend on a panel")
+    for text in figure.findobj(pyplot.Text):
+        if text.get_fontsize() < 7:
+            print(path.name, "has small text:", text.get_text())
+pyplot.Figure.savefig = save_and_check
+*folders, out = map(pathlib.Path, sys.argv[2:])
+for folder in folders:
+    for study in figures_cells.load_folder(folder)[0]:
+        figures.draw_study(pyplot, study, figures_tables.kind_of(study), out, 0)
+"""
+
+
+def cell(study, scene="room", state="day", seed=1, options=None, command="evaluate", result=None,
+         **axes):
+    """A cell as `probelab run` writes them; `axes` with underscores for blanks."""
+    axes = {name.replace("_", " "): str(value) for name, value in axes.items()}
+    return {"strategy": "grid", "layout": {"asked": 64}, "mode": "converged", "device": "a device",
+            "tracer": "embree", "version": "1.2.3", "params": {"rays": 16},
+            "receivers": {"count": 99, "split": "heldout"}, **(result or {}),
+            "cell": {"study": study, "command": command, "options": options or {},
+                     "axes": {"scene": scene, "state": state, **axes, "seed": str(seed)}}}
+
+
+def errors(nrmse, light=0.0, shadow=0.0, bias=0.0, **more):
+    return {"error": {"nrmse": nrmse, "light_leak": light, "shadow_leak": shadow, "bias": bias,
+                      "noise_floor": FLOOR}, **more}
+
+
+def count_cells(layout="grid", seeds=(1, 2)):
+    """Errors against N whose means and slope are plain: see test_states_and_seeds."""
+    cells = []
+    for probes, stored, scale in ((128, 100, 1.0), (512, 400, 0.5)):
+        for seed in seeds:
+            for state, error in (("day", 0.3), ("night", 0.4)):
+                result = errors(error * seed * scale, light=0.02 * seed * scale, shadow=0.1,
+                                probes={"stored": stored, "active": stored})
+                cells.append(cell("by_count", state=state, seed=seed, probes=probes, layout=layout,
+                                  result=result))
+    return cells
+
+
+class FiguresTest(CliTest):
+    def write(self, cells, name="results"):
+        folder = self.folder / name / "cells"
+        folder.mkdir(parents=True, exist_ok=True)
+        for i, one in enumerate(cells):
+            one["cell"]["id"] = f"{i:016x}"
+            (folder / f"{i:016x}.json").write_text(json.dumps(one))
+        return folder.parent
+
+    def study(self, cells):
+        return figures_cells.load_folder(self.write(cells))[0][0]
+
+    def figures(self, *arguments):
+        return subprocess.run([PYTHON, "-B", SOURCE / "scripts/figures.py", *arguments],
+                              capture_output=True, text=True, timeout=300)
+
+    def row(self, rows, **where):
+        found = [r for r in rows if all(r.get(k) == v for k, v in where.items())]
+        self.assertEqual(len(found), 1, where)
+        return found[0]
+
+
+class Numbers(FiguresTest):
+    def test_states_and_seeds(self):
+        study = self.study(count_cells())
+        self.assertEqual(figures_tables.kind_of(study), "error_vs_n")
+        rows = figures_tables.tables_error_vs_n(study)[""]
+        # Seed s at N = 100: sqrt((0.3^2 + 0.4^2) / 2) s = 0.353553 s, and half of it at N = 400.
+        first = self.row(rows, metric="nrmse", probes="128")
+        for key, value in (("value", 1.5), ("low", 1), ("high", 2)):
+            self.assertAlmostEqual(first[key], value * math.sqrt(0.125), places=12)
+        self.assertEqual((first["stored"], first["seeds"], first["floor"]), (100, 2, 0.01))
+        leak = self.row(rows, metric="light leak", probes="512")
+        self.assertAlmostEqual(leak["value"], 0.015)  # a mean over states, not a root
+        # Half the error at four times the probes: a slope of -1/2 in every seed.
+        slope = self.row(rows, metric="slope")
+        for key in ("value", "low", "high"):
+            self.assertAlmostEqual(slope[key], -0.5)
+
+    def test_seed_without_all_states_is_left_out(self):
+        cells = [c for c in count_cells()
+                 if (c["cell"]["axes"]["state"], c["cell"]["axes"]["seed"]) != ("night", "2")]
+        row = self.row(figures_tables.tables_error_vs_n(self.study(cells))[""], metric="nrmse",
+                       probes="128")
+        self.assertEqual(row["seeds"], 1)
+        self.assertAlmostEqual(row["value"], math.sqrt(0.125))
+
+    def test_null_numbers_are_no_points(self):
+        cells = count_cells(seeds=(1,))
+        for one in cells[:2]:
+            one["error"]["nrmse"] = None
+        rows = figures_tables.tables_error_vs_n(self.study(cells))[""]
+        self.assertEqual([r["probes"] for r in rows if r["metric"] == "nrmse"], ["512"])
+
+    def test_thin_wall_geometry(self):
+        # Spacings of 8.05 / 7.1, 2.6 / 2.1 and 4 / 4.1 m.
+        wall = figures_tables.wall_geometry(0.05, [8, 3, 5])
+        along = math.hypot(2.6 / 2.1, 4 / 4.1) / 2
+        self.assertAlmostEqual(wall["ratio"], 0.05 / along)
+        self.assertAlmostEqual(wall["d"] * math.sin(math.radians(wall["theta_deg"])), along)
+        self.assertEqual(wall["joins"], 1)
+        self.assertEqual(figures_tables.wall_geometry(0.05, [7, 3, 5])["joins"], 0)
+        # 9.4 m / 7.1 = 1.32 m: no cell spans a wall of 1.4 m.
+        self.assertEqual(figures_tables.wall_geometry(1.4, [8, 3, 5])["joins"], 0)
+
+    def test_thin_wall_spacing_is_the_grids(self):
+        for scene, thickness, probes in (("05cm", 0.05, 128), ("50cm", 0.5, 256)):
+            self.run_ok("place", SOURCE / f"scenes/thin_wall/scene_{scene}.toml", "--strategy",
+                        "grid", "--probes", probes, "-o", "layout.json", "--quiet")
+            layout = json.loads((self.folder / "layout.json").read_text())
+            wall = figures_tables.wall_geometry(thickness, layout["lattice"]["count"])
+            for axis, name in enumerate("xyz"):
+                places = sorted({round(p[axis], 4) for p in self.positions(layout)})
+                gaps = [b - a for a, b in zip(places, places[1:])]
+                # Positions are floats of a few metres, rounded to 0.1 mm.
+                self.assertAlmostEqual(min(gaps), wall["spacing_" + name], delta=3e-4)
+
+    @staticmethod
+    def positions(layout):
+        return [p["position"] if isinstance(p, dict) else p for p in layout["probes"]]
+
+    def test_pareto_and_means_over_scenes(self):
+        self.assertEqual(figures_points.pareto([(3, 1.0), (1, 5.0), (2, 6.0), (2, 2.0)]), [1, 3, 0])
+        found = figures_points.geometric_interval([[1.0, 1.0], [4.0, 4.0]])
+        for key in ("value", "low", "high"):
+            self.assertAlmostEqual(found[key], 2.0)
+        wide = figures_points.geometric_interval([[1.0, 3.0]])  # draws of (1, 1) and (3, 3) exist
+        for key, value in (("low", 1.0), ("high", 3.0), ("value", 2.0)):
+            self.assertAlmostEqual(wide[key], value)
+        self.assertIsNone(figures_points.geometric_interval([[1.0, 0.0]]))
+
+    def test_time_to_error(self):
+        cells = []
+        for rays, update_ms, after in ((32, 1.0, {"1": 0.9, "4": 0.45, "16": 0.28}),
+                                       (128, 3.0, {"1": 0.4, "4": 0.15, "16": 0.12})):
+            result = errors(min(after.values()), temporal={"nrmse_after": after}, updates=20,
+                            speed={"update_ms": update_ms, "frame_ms": update_ms + 1},
+                            work={"rays": 64 * rays}, memory_bytes=1000, probes={"stored": 64})
+            cells.append(cell("speed_error", params="p", probes=64, rays=rays, result=result))
+        tables = figures_tables.tables_speed_error(self.study(cells))
+        times = tables["time_to_error"]
+        # 0.5: 4 updates of 1 ms or one of 3 ms; 0.3: 16 of 1 ms or 4 of 3 ms; 0.2: 4 of 3 ms.
+        for wanted, time, rays in ((0.5, 3, "128"), (0.3, 12, "128"), (0.2, 12, "128")):
+            row = self.row(times, nrmse=wanted)
+            self.assertEqual((row["time_ms"], row["rays"]), (time, rays))
+        self.assertNotIn("time_ms", self.row(times, nrmse=0.05))
+        self.assertEqual([r["front_frame_ms"] for r in tables[""]], [1, 1])
+
+    def test_budget_rungs(self):
+        cells = [cell("why", command="budget", seed=s, result={"rungs": [
+            {"name": "exact", "nrmse": 0.1 * s, "light_leak": 0.0, "share": 0.25},
+            {"name": "field", "nrmse": 0.2 * s, "light_leak": 0.01, "share": 0.75}]})
+            for s in (1, 2)]
+        study = self.study(cells)
+        self.assertEqual(figures_tables.kind_of(study), "budget")
+        row = self.row(figures_tables.tables_budget(study)[""], name="field", metric="nrmse")
+        self.assertAlmostEqual(row["value"], 0.3)
+        self.assertEqual((row["low"], row["high"], row["rung"]), (0.2, 0.4, 1))
+
+    def test_counts_are_those_of_the_program(self):
+        for name in figures_tables.AXES:
+            path = figures_cells.study_file(name)
+            for size in [None, *figures_cells.load_sizes(path)]:
+                listed = self.run_json("run", path, "--list", "--results", self.folder / "none",
+                                       *(["--size", size] if size else []))["list"]
+                self.assertEqual([dict(axes) for axes in figures_cells.expand(path, size)],
+                                 [one["axes"] for one in listed], (name, size))
+
+
+class Files(FiguresTest):
+    def test_table_and_caption_say_what_the_cells_do(self):
+        results = self.write(count_cells() + count_cells("poisson"))
+        run = self.figures(results)
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+        written = {p.rsplit("/", 1)[1] for p in run.stdout.splitlines()}
+        self.assertEqual(written, {"by_count.csv"} | {
+            f"by_count{part}.{end}" for part in ("", "_leaks") for end in ("pdf", "png", "txt")})
+        figures = results / "figures"
+        self.assertEqual((figures / "by_count.pdf").read_bytes()[:5], b"%PDF-")
+        self.assertEqual((figures / "by_count.png").read_bytes()[:4], b"\x89PNG")
+        with open(figures / "by_count.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+        row = self.row(rows, layout="poisson", metric="nrmse", probes="512")
+        self.assertAlmostEqual(float(row["value"]), 0.75 * math.sqrt(0.125), places=8)
+        caption = (figures / "by_count.txt").read_text()
+        for words in ("16 of 16 cells", "seeds: 1, 2", "device: a device, tracer embree",
+                      "version: 1.2.3", "room (day, night)", "100 to 400 stored",
+                      "the least and the most of the seeds"):
+            self.assertIn(words, caption)
+        before = {p.name: p.read_bytes() for p in figures.iterdir()}
+        self.figures(results)
+        self.assertEqual({p.name: p.read_bytes() for p in figures.iterdir()}, before)
+
+    def test_half_finished_and_damaged(self):
+        cells = count_cells(seeds=(1,))
+        results = self.write(cells[:3])
+        damaged = results / "cells" / "00000000000000aa.json"
+        damaged.write_text('{"error": {"nrm')
+        run = self.figures(results)
+        self.assertEqual(run.returncode, 1)
+        self.assertEqual(len(run.stderr.splitlines()), 1)
+        self.assertIn(str(damaged), run.stderr)
+        caption = (results / "figures" / "by_count.txt").read_text()
+        for words in ("3 of 4 cells", "1 damaged cell left out", "no intervals"):
+            self.assertIn(words, caption)
+        damaged.write_text('{"no": "cell"}')
+        self.assertIn(str(damaged), self.figures(results).stderr)
+
+    def test_cells_of_another_size_are_left_out(self):
+        axes = {"format": "rgba16f", "gamma": 5, "rounding": "nearest"}
+        cells = [cell("formats", hysteresis=h, options={"updates": [u]}, result=errors(0.1, bias=b),
+                      **axes) for h, u, b in ((0.97, "64", -0.9), (0.97, "512", -0.2),
+                                              (0.85, "512", -0.1))]
+        study = self.study(cells)
+        self.assertEqual([c.value("error.bias") for c in study.cells].count(-0.9), 0)
+        self.assertEqual(study.left_out, ["1 cell with another updates left out"])
+
+    def test_errors_are_clear(self):
+        empty = self.folder / "empty"
+        empty.mkdir()
+        run = self.figures(empty)
+        self.assertEqual((run.returncode, run.stdout), (2, ""))
+        self.assertIn(f"{empty}: no cells", run.stderr)
+        results = self.write(count_cells())
+        run = self.figures(results, "--only", "texels")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("no study named texels", run.stderr)
+        unknown = self.write([cell("mine", strange="1", result=errors(0.1))], "other")
+        run = self.figures(unknown)
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("no figure is known for study 'mine'", run.stderr)
+        twice = self.figures(results, self.write(count_cells(), "again"), "-o", self.folder / "out")
+        self.assertEqual(twice.returncode, 2)
+        self.assertIn("separate output folders", twice.stderr)
+
+    def test_every_figure_holds_its_texts(self):
+        folders = [self.write(cells, name) for name, cells in every_study().items()]
+        run = subprocess.run([PYTHON, "-B", "-c", DRAW_AND_CHECK, SOURCE / "scripts", *folders,
+                              self.folder / "out"], capture_output=True, text=True, timeout=300)
+        self.assertEqual((run.returncode, run.stdout, run.stderr), (0, "", ""))
+        for name in figures_tables.TABLES:
+            self.assertTrue((self.folder / "out" / f"{name}.pdf").is_file(), name)
+
+
+def every_study():
+    """Small studies of all kinds, with zeros, several seeds and scenes."""
+    scenes, cells = ("two_rooms_door", "thin_wall/scene_05cm"), {}
+
+    def add(name, i, scene, seed, **axes):
+        rays = float(axes.get("rays", 64))
+        error = 0.3 * (1 + 0.1 * seed) / (1 + i) ** 0.5
+        after = {"1": 0.9, "4": error}
+        result = errors(
+            error, light=0.0 if i == 0 else 10.0 ** -(3 + i % 5), shadow=0.01 / (1 + i),
+            bias=-0.1 * (i % 7), probes={"stored": 60 + 37 * i}, lattice=[6 + i % 3, 3, 4],
+            memory={"atlas_per_probe": 400 + 100 * i}, memory_bytes=10000 * (1 + i), updates=64,
+            temporal={"nrmse_after": after, "updates_to_90": 1 + i, "updates_to_99": 5 + 9 * i,
+                      "flicker": 0.3 / rays ** 0.5},
+            speed={"update_ms": 2.0 + i, "frame_ms": 300.0 + 9 * i * seed,
+                   "query_ns_per_point": 200 + i}, work={"rays": rays * (60 + 37 * i)},
+            rungs=[{"name": n, "nrmse": error * s, "light_leak": 1e-4 * (s - 1), "share": s / 6}
+                   for n, s in (("exact", 1), ("moments", 2), ("field", 3))])
+        cells.setdefault(name, []).append(cell(
+            name, scene=scene, seed=seed, command="budget" if name == "budget" else "evaluate",
+            result=result, **axes))
+
+    for seed in (1, 2):
+        for scene in scenes:
+            i = 0
+            for a in (64, 256, 1024):
+                for b in ("grid", "a_long_name_of_a_layout"):
+                    add("error_vs_n", i, scene, seed, probes=a, layout=b)
+                    add("interpolants", i, scene, seed, layout=b, interpolant=f"kind{a}")
+                    add("rays_hysteresis", i, scene, seed, rays=a, hysteresis=0.85 + 0.1 * (i % 2))
+                    add("texels", i, scene, seed, irradiance_texels=4 + 4 * (i % 2),
+                        moment_texels=a // 8)
+                    add("formats", i, scene, seed, format=f"r11g11b10f{a}", gamma=1 + 4 * (i % 2),
+                        hysteresis=0.97, rounding="nearest")
+                    add("speed_error", i, scene, seed, params=b, probes=a, rays=32)
+                    add("visibility_terms", i, scene, seed, terms=f"{b} {a}")
+                    i += 1
+            add("budget", 0, scene, seed)
+        for cm in ("01", "05", "50"):
+            for i, a in enumerate((64, 256, 1024)):
+                add("thin_wall", i, f"thin_wall/scene_{cm}cm", seed, probes=a, params="probelab")
+    return cells
