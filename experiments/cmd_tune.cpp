@@ -24,6 +24,7 @@
 #include "tune_report.h"
 #include "tune_run.h"
 #include "tune_scores.h"
+#include "tune_values.h"
 
 namespace probelab {
 namespace {
@@ -121,6 +122,7 @@ void prepare(TuneSession& session, const TuneOptions& options) {
 struct TuneExtras {
   Json json = Json::object();
   std::string bias_map;  // CSV; empty: none
+  std::optional<FittedValues> values;
 };
 
 TuneExtras makeExtras(TuneSession& session, const TuneOptions& options, const TuneOutcome& outcome,
@@ -141,6 +143,10 @@ TuneExtras makeExtras(TuneSession& session, const TuneOptions& options, const Tu
     const HeldFields held(session.fields, session.problem, session.problem.from, objective);
     extras.json["searches"] = compareSearches(held, session.problem.from, outcome.tuned.first,
                                               *options.compare_searches, invocation.common.seed);
+  }
+  if (!options.fit_values.empty()) {
+    extras.values = fitFieldValues(session.fields, *session.scenes.front(), outcome.tuned.params);
+    extras.json["values"] = toJson(*extras.values);
   }
   return extras;
 }
@@ -172,6 +178,7 @@ void writeOutputs(const TuneOptions& options, const TuneOutcome& outcome, const 
     if (!extras.bias_map.empty())
       writeTextFile(fs::path(options.report) / kMapFile, extras.bias_map);
   }
+  if (extras.values) writeValues(options.fit_values, extras.values->values);
   std::vector<std::string> written = {options.output};
   for (const std::string& name : {options.bias_map, options.fit_values, options.report})
     if (!name.empty()) written.push_back(name);
@@ -209,6 +216,7 @@ void runTune(TuneOptions options, const Invocation& invocation) {
   writeOutputs(options, outcome, extras, whole(true), invocation);
   reportResult(invocation, whole(false), [&] {
     fmt::print("{}", formatOutcome(outcome));
+    if (extras.values) fmt::print("\n{}", formatValues(*extras.values));
     fmt::print("\n{:.0f} s, of which {:.0f} s for {} fields and {:.0f} s of solving\n", seconds,
                session.fields.seconds(), session.fields.count(), outcome.tuned.solve_s);
   });

@@ -153,6 +153,12 @@ void addOutputOptions(CLI::App& app, TuneOptions& options) {
       ->check(checkMapSize)
       ->capture_default_str()
       ->group(group);
+  app.add_option("--fit-values", options.fit_values,
+                 "also fit the irradiance texels to the first state that is tuned on, for --values "
+                 "of render and evaluate; under other lights they gain or lose")
+      ->type_name("VALUES.json")
+      ->check(checkNamed)
+      ->group(group);
   app.add_option("--compare-searches", options.compare_searches,
                  "also search with Nelder-Mead and at random, with so many evaluations each")
       ->type_name("N")

@@ -154,6 +154,18 @@ class Tune(TuneTest):
             self.assertEqual(costs, sorted(costs, reverse=True), name)
         self.assertEqual(result["searches"]["nelder_mead"][-1][0], 20)
 
+    def test_values(self):
+        result = self.tune("--vary", "none", "--fit-values", "values.json", "--set",
+                           "irradiance_format=rgba32f")
+        self.assertEqual(result["parameters"], [])
+        rows = result["values"]["scores"]
+        self.assertEqual([(r["state"], r["fitted"]) for r in rows],
+                         [("day", True), ("dusk", False), ("night", False)])
+        self.assertLess(rows[0]["train"]["after"]["nrmse"], rows[0]["train"]["before"]["nrmse"])
+        found = self.run_json("evaluate", "room.toml", *FIELD, *TRUTH, "--params", "tuned.toml",
+                              "--values", "values.json")
+        self.assertEqual(found["error"]["nrmse"], rows[0]["heldout"]["after"]["nrmse"])
+
     def test_text_report(self):
         text = self.run_ok("tune", "room.toml", "-o", "tuned.toml", *QUICK, "--vary",
                            "view_bias").stdout
@@ -183,7 +195,8 @@ class SeveralScenes(TuneTest):
         self.assertNotEqual(alone["parameters"][0]["tuned"], result["parameters"][0]["tuned"])
 
     def test_options_of_one_scene(self):
-        for option, value in (("--receivers", "r.json"), ("--layout", "l.json")):
+        for option, value in (("--receivers", "r.json"), ("--layout", "l.json"),
+                              ("--fit-values", "v.json")):
             self.assert_refused("tune", "room.toml", "other.toml", "-o", "t.toml", option, value,
                                 words=(option, "one scene"))
         self.assert_refused("tune", "room.toml", "room.toml", "-o", "t.toml",
