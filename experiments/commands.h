@@ -17,6 +17,7 @@ void addEvaluateCommand(Program& program);
 void addCompareCommand(Program& program);
 void addTuneCommand(Program& program);
 void addBenchCommand(Program& program);
+void addBudgetCommand(Program& program);
 void addRunCommand(Program& program);
 
 }  // namespace probelab

@@ -26,11 +26,6 @@ std::vector<QueryPoint> queryPoints(const Receivers& receivers) {
   return points;
 }
 
-bool isScored(const Receiver& receiver, ScoredSplit split) {
-  if (split == ScoredSplit::all) return true;
-  return (receiver.split == Split::heldout) == (split == ScoredSplit::heldout);
-}
-
 Json metricsJson(const ErrorMetrics& metrics) {
   Json json;
   for (const auto& [name, value] : namedMetrics(metrics))
@@ -76,6 +71,11 @@ ScoredSplit parseScoredSplit(const std::string& name) {
   if (name == "train") return ScoredSplit::train;
   if (name == "all") return ScoredSplit::all;
   throwInput("--split {}: it is heldout, train or all", name);
+}
+
+bool isScored(const Receiver& receiver, ScoredSplit split) {
+  if (split == ScoredSplit::all) return true;
+  return (receiver.split == Split::heldout) == (split == ScoredSplit::heldout);
 }
 
 std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers) {

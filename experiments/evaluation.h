@@ -17,6 +17,7 @@ namespace probelab {
 // Which receivers count: held-out ones in published numbers, train ones for fitting.
 enum class ScoredSplit { heldout, train, all };
 ScoredSplit parseScoredSplit(const std::string& name);  // throws InputError
+bool isScored(const Receiver& receiver, ScoredSplit split);
 
 // The field's irradiance at every receiver, [receiver].
 std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers);

@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   probelab::addCompareCommand(program);
   probelab::addTuneCommand(program);
   probelab::addBenchCommand(program);
+  probelab::addBudgetCommand(program);
   probelab::addRunCommand(program);
   return program.run(argc, argv);
 }

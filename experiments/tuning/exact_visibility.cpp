@@ -17,31 +17,30 @@ const Vec2d kHidden(0, 0);
 // and all texels of a probe in a row, so a segment is traced once where it is needed.
 struct ExactView : FieldView {
   const EmbreeScene& embree;
-  Vec3f origin;
+  const QueryPoint& point;
   mutable int traced = -1;  // probe
   mutable Vec2d answer;
 
-  ExactView(const FieldSnapshot& snapshot, const EmbreeScene& scene, const QueryPoint& point)
-      : FieldView{snapshot},
-        embree(scene),
-        origin(offsetOrigin(pointWithoutTriangle(point.position, scene.extent()), point.normal,
-                            point.normal)) {}
+  ExactView(const FieldSnapshot& snapshot, const EmbreeScene& scene, const QueryPoint& at)
+      : FieldView{snapshot}, embree(scene), point(at) {}
 
   Vec2d fetchMoments(int probe, int) const {
-    if (probe != traced) answer = isHidden(probe) ? kHidden : kSeen;
+    if (probe != traced) answer = seesProbe(embree, point, fetchPosition(probe)) ? kSeen : kHidden;
     traced = probe;
     return answer;
-  }
-
-  bool isHidden(int probe) const {
-    const Vec3f offset = fetchPosition(probe) - origin;
-    const float distance_m = length(offset);
-    if (!(distance_m > 0)) return false;
-    return embree.occluded(Ray{origin, 0, offset / distance_m, distance_m * (1 - kLightGap)});
   }
 };
 
 }  // namespace
+
+bool seesProbe(const EmbreeScene& embree, const QueryPoint& point, const Vec3f& probe) {
+  const Vec3f origin = offsetOrigin(pointWithoutTriangle(point.position, embree.extent()),
+                                    point.normal, point.normal);
+  const Vec3f offset = probe - origin;
+  const float distance_m = length(offset);
+  if (!(distance_m > 0)) return true;
+  return !embree.occluded(Ray{origin, 0, offset / distance_m, distance_m * (1 - kLightGap)});
+}
 
 std::vector<Vec3f> queryExactVisibility(const FieldSnapshot& field, const Params& params,
                                         std::span<const QueryPoint> points,

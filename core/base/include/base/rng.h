@@ -21,6 +21,7 @@ enum class RngStream : uint64_t {
   field_image = 10,
   ray_proxy = 11,
   tuning = 12,
+  budget = 13,
 };
 
 // The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection on 64 bits.
