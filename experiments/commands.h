@@ -19,5 +19,6 @@ void addTuneCommand(Program& program);
 void addBenchCommand(Program& program);
 void addBudgetCommand(Program& program);
 void addRunCommand(Program& program);
+void addReportCommand(Program& program);
 
 }  // namespace probelab

@@ -18,5 +18,6 @@ int main(int argc, char** argv) {
   probelab::addBenchCommand(program);
   probelab::addBudgetCommand(program);
   probelab::addRunCommand(program);
+  probelab::addReportCommand(program);
   return program.run(argc, argv);
 }

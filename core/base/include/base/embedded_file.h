@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A data file that was built into a library (core/cmake/EmbedToml.cmake).
+// A data file that was built into a library (core/cmake/EmbedFiles.cmake).
 #pragma once
 
 #include <string>

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Finished figures for the report's page.
+#pragma once
+
+#include <filesystem>
+
+#include "json.h"
+#include "report_page.h"
+
+namespace probelab {
+
+// Every figure of the folder, by name: [{name, caption, type: media type, blob}]. A figure is
+// <name>.svg or, without one, <name>.png; its caption is <name>.txt. Throws InputError for a file
+// that is not what its name says.
+Json reportFigures(const std::filesystem::path& folder, ReportPage& page);
+
+}  // namespace probelab
