@@ -106,7 +106,7 @@ void addSearchOptions(CLI::App& app, TuneOptions& options) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--leak-weight", options.settings.objective.leak,
-                 "weight of squared light leaks beside the squared error")
+                 "weight of light leaks beside the squared error")
       ->type_name("W")
       ->check(checkNotNegative)
       ->capture_default_str()

@@ -14,6 +14,7 @@ namespace {
 
 constexpr std::size_t kMaxKeys = 8;  // every key of the query
 constexpr std::size_t kGrain = 64;
+constexpr double kLeakKnee = 1e-3;  // of the mean, where a leak's cost turns from square to linear
 template <int N>
 using Jet = ceres::Jet<double, N>;
 
@@ -51,7 +52,8 @@ QueryParams<Jet<N>> jetParams(const TuneObjective& objective, std::span<const do
 // Factors of a state's residuals.
 struct Scales {
   double error = 0;       // of (E - R) sqrt(weight)
-  double leak = 0;        // of max(0, E - R - 2 sigma) sqrt(weight)
+  double leak = 0;        // of u sqrt(weight / (u + kLeakKnee))
+  double mean = 1;        // u = max(0, E - R - 2 sigma) / mean
   double bend = 0;        // |E - R| where the robust loss turns linear; 0: never
   std::size_t first = 0;  // residual
 };
@@ -69,7 +71,7 @@ std::vector<Scales> scalesOf(const TuneObjective& objective) {
   std::size_t first = 0;
   for (const FrozenState& state : objective.states) {
     const double share = state.weight / sum;
-    scales.push_back({std::sqrt(share / state.power), std::sqrt(share * settings.leak) / state.mean,
+    scales.push_back({std::sqrt(share / state.power), std::sqrt(share * settings.leak), state.mean,
                       settings.robust * std::sqrt(state.power), first});
     first += state.points.size() + (settings.leak > 0 ? darkCount(state) : 0);
   }
@@ -91,10 +93,11 @@ PointResiduals pointResiduals(const Scales& scales, const TunePoint& point, doub
     r.error = scales.error * weight * std::copysign(root, e);
     r.error_slope = scales.error * weight * scales.bend / root;
   }
-  const double excess = e - 2 * point.sigma;
-  if (excess > 0) {
-    r.leak = scales.leak * weight * excess;
-    r.leak_slope = scales.leak * weight;
+  const double u = (e - 2 * point.sigma) / scales.mean;
+  if (u > 0) {
+    const double root = std::sqrt(u + kLeakKnee);
+    r.leak = scales.leak * weight * u / root;
+    r.leak_slope = scales.leak * weight * (u / 2 + kLeakKnee) / (root * root * root * scales.mean);
   }
   return r;
 }

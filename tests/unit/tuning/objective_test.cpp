@@ -143,7 +143,7 @@ TEST(Objective, TheCostIsWhatItsDefinitionGivesByHand) {
   const Params base = loadParams("probelab");
   const auto keys = innerKeys({"normal_bias"}, base);
   const double squares = (0.5 * 0.09 + 0.25 * 0.16 + 0.25 * 1e-4) / 4;
-  const double leak = 0.25 * (0.4 - 0.1) * (0.4 - 0.1) / 4;
+  const double u = (0.4 - 0.1) / 2, leak = 0.25 * u * u / (u + 1e-3);
   const std::vector<double> x = {0.2};
   TuneObjective objective{states, keys, base, {.leak = 0, .robust = 0}};
   EXPECT_EQ(residualCount(objective), 4u);
