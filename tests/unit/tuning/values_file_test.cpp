@@ -113,6 +113,33 @@ TEST(TexelsWithGains, BordersAndEncodingFollow) {
   }
 }
 
+// Each part of what says which texel lies where and what reads it.
+TEST(ProbesHash, KnowsEveryPart) {
+  const Box3f box{Vec3f(0), Vec3f(1)};
+  const ProbeLayout layout = test::boxLayout(box, Vec3i(2), box);
+  const ProbeStates states = initialStates(layout);
+  const Params params = loadParams("rtxgi");
+  const std::string hash = probesHash(layout, states, params);
+  EXPECT_EQ(probesHash(test::boxLayout(box, Vec3i(2), box), states, params), hash);
+  ProbeStates moved = states, fewer = states;
+  moved.positions[3].y += 1e-6f;
+  fewer.active[5] = 0;
+  EXPECT_NE(probesHash(layout, moved, params), hash);
+  EXPECT_NE(probesHash(layout, fewer, params), hash);
+  ProbeLayout swapped = layout, wider = layout, influenced = layout;
+  std::swap(swapped.probe_of_point[0], swapped.probe_of_point[1]);
+  wider.lattice.spacing.x *= 2;
+  influenced.influence.entries.push_back({1, {255}});
+  for (const ProbeLayout& other : {swapped, wider, influenced})
+    EXPECT_NE(probesHash(other, states, params), hash);
+  Params finer = params;
+  setParam(finer, "irradiance_texels=10");
+  EXPECT_NE(probesHash(layout, states, finer), hash);
+  setParam(finer, "irradiance_texels=8");
+  setParam(finer, "normal_bias=0.3");  // another reading of the same texels
+  EXPECT_EQ(probesHash(layout, states, finer), hash);
+}
+
 class ValuesOnField : public GpuTest {};
 
 TEST_F(ValuesOnField, GainsMakeTheFittedTexelsAgain) {
