@@ -16,9 +16,9 @@ SAYS = {
                         "runs; " + FLOOR,
     "thin_wall": "Light leak into a dark room through the wall beside a lit one. Above: by wall "
                  "thickness and probes asked for, with the spacing along the wall (root mean "
-                 "square of its two directions, at the thinnest wall); 0: no leak; dots: no cell of the "
-                 "lattice has probes in both rooms. Below: the same against t / (d sin theta), "
-                 "intervals over seeds. t is the thickness; d and theta are the length and the "
+                 "square of its two directions, at the thinnest wall); 0: no leak; dots: no "
+                 "cell of the lattice has probes in both rooms. Below: the same against "
+                 "t / (d sin theta), intervals over seeds. t is the thickness; d and theta are the length and the "
                  "angle with the wall's normal of the ray from a probe at a corner of a lattice "
                  "cell that the wall cuts to the middle of that cell, so that d sin theta is half "
                  "the diagonal of the cell's face along the wall, whatever the spacing across it. "
@@ -30,8 +30,9 @@ SAYS = {
                         "axes are logarithmic, so that the length of a bar has no meaning, its end "
                         "has; " + FLOOR,
     "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
-                       "updates), and updates until the mean over the receivers is within 90 and 99 % of the "
-                       "last one, by rays a probe and update and by hysteresis; " + FLOOR,
+                       "updates), and updates until the mean over the receivers first reaches 90 "
+                       "and 99 % of the last one, by rays a probe and update and by hysteresis; "
+                       + FLOOR,
     "texels": "Error and light leak at a fixed number of probes by the edges of the irradiance and "
               "moment maps, and the same errors against the bytes that a probe takes (step line: "
               "Pareto front); " + FLOOR,
