@@ -36,6 +36,8 @@ def write_tables(study, kind, folder):
         raise InputError(f"{study.folder}: none of the {len(study.cells)} cells of '{study.name}' "
                          "has the numbers that its figure shows")
     for suffix, rows in tables.items():
+        if not rows:
+            continue
         path = folder / (file_stem(study, suffix) + ".csv")
         path.write_text(table_text(rows))
         written.append(path)

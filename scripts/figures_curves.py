@@ -222,7 +222,10 @@ def draw_speed_error(pyplot, study, tables):
     costs = {"frame_ms": "frame, ms", "work_rays": "rays an update"}
     sizes = [r["bytes"] for r in rows]
     marks = sorted({min(sizes), max(sizes)})
-    labels = [*presets, "Pareto front", "noise floor", *map(bytes_text, marks)]
+    # So far up that the path tracer's curve is in sight at the slowest frames.
+    slowest = max(r["frame_ms"] for r in rows if r["frame_ms"]) / 1000
+    visible = [r["value"] / math.sqrt(slowest) for r in tables["path_tracing"]]
+    labels = [*presets, "Pareto front", "path tracing", "noise floor", *map(bytes_text, marks)]
     sheet = Sheet(pyplot, 2, len(scenes), 2.1, labels, sharey=True, sharex="row")
     for (cost, label), line in zip(costs.items(), sheet.panels):
         for scene, panel in zip(scenes, line):
@@ -234,7 +237,9 @@ def draw_speed_error(pyplot, study, tables):
             panel.plot(*zip(*front), color="black", linewidth=0.9, drawstyle="steps-post", zorder=1)
             draw_floor(panel, of, "metric")
             ratio_axis(panel.xaxis, [r[cost] for r in rows if r[cost]], margin=1.5)
-            ratio_axis(panel.yaxis, values_with_floors(rows), margin=1.35)
+            ratio_axis(panel.yaxis, values_with_floors(rows) + visible, margin=1.35)
+            if cost == "frame_ms":
+                draw_path_tracing(panel, pick(tables["path_tracing"], scene=scene))
             panel.set_xlabel(label)
             if cost == "frame_ms":
                 panel.set_title(pretty(scene))
@@ -242,11 +247,21 @@ def draw_speed_error(pyplot, study, tables):
     dot = {"linestyle": "", "marker": "o", "markeredgecolor": "white", "markeredgewidth": 0.4}
     handles = [pyplot.Line2D([], [], color=colour(i), markersize=5, **dot)
                for i in range(len(presets))]
-    handles += [pyplot.Line2D([], [], color="black", linewidth=0.9), floor_handle(pyplot)]
+    handles += [pyplot.Line2D([], [], color="black", linewidth=0.9),
+                pyplot.Line2D([], [], color="dimgrey", linestyle="-."), floor_handle(pyplot)]
     handles += [pyplot.Line2D([], [], color="grey", markersize=math.sqrt(area_of(b, sizes)), **dot)
                 for b in marks]
     sheet.legend(handles, labels)
     return {"": sheet.figure}
+
+
+def draw_path_tracing(panel, rows):
+    """The path tracer's error over the panel's times, with its band; limits are set."""
+    ends = panel.get_xlim()
+    for row in rows:
+        lines = [[row[k] / math.sqrt(ms / 1000) for ms in ends] for k in ("value", "low", "high")]
+        panel.plot(ends, lines[0], color="dimgrey", linestyle="-.", zorder=1)
+        panel.fill_between(ends, lines[1], lines[2], color="dimgrey", alpha=0.2, linewidth=0)
 
 
 def bytes_text(size):

@@ -168,6 +168,31 @@ def fastest(study, states):
     return rows
 
 
+PIXELS = 1920 * 1080
+
+
+def path_tracing(study, states):
+    """nrmse of path tracing the pixels of a 1080p frame in one second: `receivers.count` points
+    took `receivers.seconds` to reach the noise floor, and the noise falls with the root of the
+    time."""
+    found = {}
+    for cell in study.cells:
+        floor, count, seconds = (cell.value(n) for n in (
+            "error.noise_floor.nrmse", "receivers.count", "receivers.seconds"))
+        if floor and count and seconds:
+            found.setdefault(cell.scene, {}).setdefault(cell.seed, {})[cell.state] = \
+                floor * math.sqrt(seconds * PIXELS / count)
+    rows = []
+    for scene, seeds in found.items():
+        values = [combine("nrmse", list(of.values())) for of in seeds.values()
+                  if set(of) == states[scene]]
+        if values:
+            rows.append({"scene": scene, "metric": "nrmse of path tracing a frame in 1 s",
+                         "value": statistics.fmean(values), "low": min(values),
+                         "high": max(values), "seeds": len(values)})
+    return rows
+
+
 def tables_speed_error(study):
     states = scene_states(study)
     rows = metric_rows(study, ["scene", *SETTING], NRMSE,
@@ -185,7 +210,8 @@ def tables_speed_error(study):
             front = pareto([(r[cost], r["value"]) for r in of])
             for i, row in enumerate(of):
                 row["front_" + cost] = int(i in front)
-    return {"": rows, "time_to_error": fastest(study, states)}
+    return {"": rows, "time_to_error": fastest(study, states),
+            "path_tracing": path_tracing(study, states)}
 
 
 # Error budget.

@@ -175,7 +175,8 @@ class Numbers(FiguresTest):
                                        (128, 3.0, {"1": 0.4, "4": 0.15, "16": 0.12})):
             result = errors(min(after.values()), temporal={"nrmse_after": after}, updates=20,
                             speed={"update_ms": update_ms, "frame_ms": update_ms + 1},
-                            work={"rays": 64 * rays}, memory_bytes=1000, probes={"stored": 64})
+                            work={"rays": 64 * rays}, memory_bytes=1000, probes={"stored": 64},
+                            receivers={"count": 1000, "seconds": 4.0})
             cells.append(cell("speed_error", params="p", probes=64, rays=rays, result=result))
         tables = figures_tables.tables_speed_error(self.study(cells))
         times = tables["time_to_error"]
@@ -185,6 +186,9 @@ class Numbers(FiguresTest):
             self.assertEqual((row["time_ms"], row["rays"]), (time, rays))
         self.assertNotIn("time_ms", self.row(times, nrmse=0.05))
         self.assertEqual([r["front_frame_ms"] for r in tables[""]], [1, 1])
+        # A floor of 0.01 after 4 ms a point; 1 s a frame is 1 / 2,073,600 s a point.
+        self.assertAlmostEqual(tables["path_tracing"][0]["value"],
+                               0.01 * math.sqrt(0.004 * 2073600))
 
     def test_budget_rungs(self):
         cells = [cell("why", command="budget", seed=s, result={"rungs": [
