@@ -29,9 +29,9 @@ Params knownParams(const std::string& preset) {
 }
 
 // Points whose truth is the query's own answer under known parameters.
-FrozenState knownState(const Params& truth, bool lattice = true) {
+FrozenState knownState(const Params& truth, bool lattice = true, int points = 600) {
   const ProbeLayout layout = lattice ? test::roomLattice(room()) : test::roomScattered(room());
-  return stateOf(roomSnapshot(room(), layout, truth), roomPoints(room(), 600, 11), truth);
+  return stateOf(roomSnapshot(room(), layout, truth), roomPoints(room(), points, 11), truth);
 }
 
 double worstBias(const std::vector<double>& x, const std::vector<double>& wanted) {
@@ -77,7 +77,7 @@ TEST(SolveTuning, AllSixParametersTogetherRecoverTheIrradiance) {
 
 // The field's own truth at its points is what no parameter reaches: the cost has many valleys.
 FrozenState roughState(const Params& params, bool lattice, uint64_t seed) {
-  FrozenState state = knownState(params, lattice);
+  FrozenState state = knownState(params, lattice, 200);
   Rng rng(seed, RngStream::test, 40);
   state.power = state.mean = 0;
   for (TunePoint& p : state.points) {
