@@ -110,8 +110,16 @@ def run(options):
         raise InputError(f"matplotlib cannot be loaded ({error}); Debian: python3-matplotlib, for "
                          "/usr/bin/python3") from error
     for study, kind, target, damaged in work:
-        for path in draw_study(pyplot, study, kind, target, damaged):
-            print(path)
+        try:
+            for path in draw_study(pyplot, study, kind, target, damaged):
+                print(path)
+        except InputError as error:  # the other studies are drawn all the same
+            note(error)
+            failed = True
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            note(f"{study.folder}: study '{study.name}' cannot be drawn, its cells lack something: "
+                 f"{type(error).__name__}: {error}")
+            failed = True
     return 1 if failed else 0
 
 

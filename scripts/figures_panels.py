@@ -104,11 +104,13 @@ def ratio_axis(axis, values, margin=1.25, smallest=0.0):
     from matplotlib import ticker
     panel, name = axis.axes, axis.axis_name
     positive = [v for v in values if v > smallest]
-    if not positive:
-        return
-    least, most = min(positive), max(positive)
     set_scale = panel.set_xscale if name == "x" else panel.set_yscale
     set_limits = panel.set_xlim if name == "x" else panel.set_ylim
+    if not positive:  # all of it is zero
+        set_limits(-0.1, 1)
+        axis.set_major_locator(ticker.FixedLocator([0]))
+        return
+    least, most = min(positive), max(positive)
     margin = max(margin, (most / least) ** 0.05)
     zeros = len(positive) < len(values)
     if zeros:

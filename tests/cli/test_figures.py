@@ -271,6 +271,14 @@ class Files(FiguresTest):
         run = self.figures(results, "--only", "texels")
         self.assertEqual(run.returncode, 2)
         self.assertIn("no study named texels", run.stderr)
+        for lacking in (None, 0.5):  # no error, no bytes
+            mixed = self.write([cell("texels", irradiance_texels=4, moment_texels=8,
+                                     result=errors(lacking))], "lacking")
+            run = self.figures(results, mixed, "-o", self.folder / "out")
+            self.assertEqual(run.returncode, 1)
+            self.assertIn(f"{mixed}: ", run.stderr)
+            self.assertEqual(len(run.stderr.splitlines()), 1)
+            self.assertIn("by_count.pdf", run.stdout)
         unknown = self.write([cell("mine", strange="1", result=errors(0.1))], "other")
         run = self.figures(unknown)
         self.assertEqual(run.returncode, 2)
