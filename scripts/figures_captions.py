@@ -16,7 +16,7 @@ SAYS = {
                         "runs; " + FLOOR,
     "thin_wall": "Light leak into a dark room through the wall beside a lit one. Above: by wall "
                  "thickness and probes asked for, with the spacing along the wall (root mean "
-                 "square of its two directions, at the thinnest wall); 0: no leak; dots: no "
+                 "square of its two directions, at the thinnest wall); 0: no leak; blank: not run; dots: no "
                  "cell of the lattice has probes in both rooms. Below: the same against "
                  "t / (d sin theta), intervals over seeds. t is the thickness; d and theta are the "
                  "length and the angle with the wall's normal of the ray from a probe at a corner "
