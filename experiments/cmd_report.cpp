@@ -61,22 +61,22 @@ void checkOptions(const ReportOptions& options) {
   checkOutput(outputPath(options), ".html");
 }
 
-// As the parameters classify the probes of the layout; empty where they do not.
-std::vector<uint8_t> activeProbes(const ReportOptions& options, const ProbeLayout& layout,
-                                  const Scene& scene, const EmbreeScene& embree,
-                                  const Invocation& invocation) {
-  if (options.params->count() == 0) return {};
+// As --params relocates and classifies the probes; without it, as the layout has them.
+ProbeStates settledStates(const ReportOptions& options, const ProbeLayout& layout,
+                          const Scene& scene, const EmbreeScene& embree,
+                          const Invocation& invocation) {
+  if (options.params->count() == 0) return initialStates(layout);
   const Params params = resolveParams(options.field);
   validateLayout(layout, params);
-  if (params.classification == 0)
-    throwInput("--params {}: does not switch probes off; leave it out or choose others",
+  if (params.classification == 0 && params.relocation == 0)
+    throwInput("--params {}: neither moves probes nor switches any off; leave it out",
                options.field.params);
   Provenance provenance;
   GpuContext gpu = openDevice(invocation, provenance);
   const ProbeField field(gpu, scene, embree, layout, params,
                          {.seed = invocation.common.seed, .accumulate = false});
   requireNoValidationMessages(gpu);
-  return field.states().active;
+  return field.states();
 }
 
 Json layoutView(const ReportOptions& options, const Invocation& invocation, ReportPage& page) {
@@ -84,10 +84,11 @@ Json layoutView(const ReportOptions& options, const Invocation& invocation, Repo
   const Scene scene = loadScene(options.scene, invocation);
   const ProbeLayout layout = readLayout(options.layout, scene);
   const EmbreeScene embree(scene);
-  Json view =
-      reportLayout({scene, embree, layout, activeProbes(options, layout, scene, embree, invocation),
-                    options.probe_values},
-                   page);
+  const std::string params = options.params->count() > 0 ? options.field.params : "";
+  Json view = reportLayout(
+      {scene, embree, layout, settledStates(options, layout, scene, embree, invocation), params,
+       options.probe_values},
+      page);
   if (view["triangles"]["shown"] != view["triangles"]["all"])
     note(invocation, "{}: the page shows the {} largest of {} triangles", scene.path,
          view["triangles"]["shown"].dump(), view["triangles"]["all"].dump());
@@ -206,8 +207,8 @@ void addLayoutOptions(CLI::App& app, ReportOptions& options) {
       ->group(group);
   options.params =
       app.add_option("--params", options.field.params,
-                     "a preset or TOML file whose classification switches probes off; needs a "
-                     "Vulkan device (default: none is off)")
+                     "a preset or TOML file that relocates probes or switches them off; needs a "
+                     "Vulkan device (default: probes are as the layout has them)")
           ->type_name("PRESET|FILE")
           ->group(group);
 }

@@ -117,10 +117,10 @@ Json trianglesJson(const Scene& scene, ReportPage& page) {
 
 // 0 active, 1 off, 2 inside.
 std::vector<uint8_t> probeStates(const ReportLayoutInput& input) {
-  std::vector<uint8_t> states(input.layout.positions.size(), 0);
+  std::vector<uint8_t> states(input.states.positions.size(), 0);
   for (std::size_t i = 0; i < states.size(); ++i) {
-    if (!input.active.empty() && input.active[i] == 0) states[i] = 1;
-    if (isInsideSolid(input.scene, input.embree, input.layout.positions[i])) states[i] = 2;
+    if (input.states.active[i] == 0) states[i] = 1;
+    if (isInsideSolid(input.scene, input.embree, input.states.positions[i])) states[i] = 2;
   }
   return states;
 }
@@ -138,10 +138,10 @@ std::vector<ProbeValues> layoutValues(const ReportLayoutInput& input) {
       {"spacing", "m", "distance to the nearest other probe", std::vector<float>(count, kNone)},
       {"bias length", "m", "s_i, the unit of biases", std::vector<float>(count)},
       {"support radius", "m", "r_i, where the probe's weight ends", std::vector<float>(count)}};
-  const NearestProbes probes(layout.positions);
+  const NearestProbes probes(input.states.positions);
   std::vector<NearProbe> near;
   for (std::size_t i = 0; i < count; ++i) {
-    probes.nearest(layout.positions[i], 2, near);
+    probes.nearest(input.states.positions[i], 2, near);
     if (near.size() > 1) all[0].values[i] = near.back().distance_m;
     all[1].values[i] = probeLengths(layout, i).bias;
     all[2].values[i] = probeLengths(layout, i).support;
@@ -150,7 +150,7 @@ std::vector<ProbeValues> layoutValues(const ReportLayoutInput& input) {
   if (!input.scene.geometry->triangles.empty()) {
     const SceneDistance distance(*input.scene.geometry);
     ProbeValues clearance = {"clearance", "m", "distance to the nearest surface", {}};
-    for (const Vec3f& p : layout.positions)
+    for (const Vec3f& p : input.states.positions)
       clearance.values.push_back(static_cast<float>(distance.clearance(p)));
     all.push_back(std::move(clearance));
   }
@@ -224,7 +224,7 @@ std::vector<ProbeValues> csvValues(const std::string& path, std::size_t probes) 
 Json probesJson(const ReportLayoutInput& input, ReportPage& page) {
   const ProbeLayout& layout = input.layout;
   std::vector<float> positions;
-  for (const Vec3f& p : layout.positions) positions.insert(positions.end(), {p.x, p.y, p.z});
+  for (const Vec3f& p : input.states.positions) positions.insert(positions.end(), {p.x, p.y, p.z});
   const std::vector<uint8_t> states = probeStates(input);
   std::vector<ProbeValues> all = layoutValues(input);
   if (!input.values.empty())
@@ -236,12 +236,16 @@ Json probesJson(const ReportLayoutInput& input, ReportPage& page) {
                       {"unit", column.unit},
                       {"about", column.about},
                       {"blob", page.addBlob(floatBytes(column.values), "values of the probes")}});
+  std::size_t moved = 0;
+  for (std::size_t i = 0; i < layout.positions.size(); ++i)
+    if (input.states.positions[i] != layout.positions[i]) ++moved;
   const auto count = [&](uint8_t state) { return std::ranges::count(states, state); };
   return {{"count", layout.positions.size()},
           {"positions", page.addBlob(floatBytes(positions), "positions of the probes")},
           {"states", page.addBlob(byteBytes(states), "states of the probes")},
           {"counts", {count(0), count(1), count(2)}},
-          {"classified", !input.active.empty()},
+          {"params", input.params.empty() ? Json(nullptr) : Json(input.params)},
+          {"moved", moved},
           {"radius_m", 0.1 * static_cast<double>(layout.bias_length_m)},
           {"values", values}};
 }
@@ -251,7 +255,7 @@ Json probesJson(const ReportLayoutInput& input, ReportPage& page) {
 Json reportLayout(const ReportLayoutInput& input, ReportPage& page) {
   const Scene& scene = input.scene;
   Box3f box = scene.geometry->box;
-  for (const Vec3f& p : input.layout.positions) box.extend(p);
+  for (const Vec3f& p : input.states.positions) box.extend(p);
   return {{"scene", scene.name},
           {"strategy", input.layout.strategy},
           {"interpolant", interpolantName(input.layout.interpolant)},

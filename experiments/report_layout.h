@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ddgi/layout.h"
+#include "ddgi/probe_states.h"
 #include "json.h"
 #include "report_page.h"
 #include "trace/embree_scene.h"
@@ -19,14 +20,15 @@ struct ReportLayoutInput {
   const Scene& scene;
   const EmbreeScene& embree;
   const ProbeLayout& layout;
-  std::vector<uint8_t> active;  // [probe]; empty: not classified
-  std::string values;           // CSV of numbers a probe; empty: none
+  ProbeStates states;  // where the probes are, and which are on
+  std::string params;  // what settled the states; empty: they are as the layout has them
+  std::string values;  // CSV of numbers a probe; empty: none
 };
 
 // One object: scene, strategy, interpolant, origin [3] (world position of the local origin), box
 // {min, max} (local), triangles {shown, all, one_sided, positions, colors: blobs}, probes {count,
-// positions: blob, states: blob, counts, classified, radius_m, values: [{name, unit, about,
-// blob}]}.
+// positions: blob, states: blob, counts, params: text or null, moved, radius_m, values: [{name,
+// unit, about, blob}]}.
 //
 // Positions are float triples in local coordinates, triangles one after the other with the
 // one-sided ones first; colours are sRGB bytes a triangle; states are bytes: 0 active, 1 off, 2

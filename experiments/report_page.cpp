@@ -18,8 +18,8 @@ std::string_view pageFile(std::string_view name) {
 }
 
 // In the order in which they are run.
-constexpr std::array<const char*, 6> kScripts = {"base",    "tables", "figures",
-                                                 "compare", "scene",  "start"};
+constexpr std::array<const char*, 8> kScripts = {"base",    "tables", "figures", "pixels",
+                                                 "compare", "camera", "scene",   "start"};
 
 // Puts `text` in the place of the mark, which the page has once.
 void fill(std::string& page, const std::string& mark, std::string_view text) {

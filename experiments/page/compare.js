@@ -2,25 +2,12 @@
 // The image comparer: images of one size, by flipping, split or side by side, under one exposure;
 // their signed error against the reference; false colour; the values of a pixel.
 
-const notFiniteColor = [255, 0, 255];
-
-function makeSrgbTable() {
-  const table = new Uint8ClampedArray(4097);
-  for (let i = 0; i <= 4096; ++i) {
-    const v = i / 4096;
-    table[i] = 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
-  }
-  return table;
-}
-
 class Comparer {
   constructor(set, index) {
     this.set = set;
     this.index = index;
-    this.images = set.images.map((image) => ({
-      name: image.name,
-      pixels: set.precision === 'half' ? blobHalves(image.blob) : blobFloats(image.blob),
-      notFinite: image.not_finite}));
+    this.colors = new ImageColors(set);
+    this.images = this.colors.images;
     this.count = set.width * set.height;
     this.layout = 'flip';
     this.show = 'tone';
@@ -31,67 +18,13 @@ class Comparer {
     this.split = 0.5;
     this.resetView();
     this.pixel = null;
-    this.errorScale = this.autoErrorScale = this.suggestErrorScale();
-    this.falseMost = this.autoFalseMost = this.suggestFalseMost();
+    this.errorScale = this.autoErrorScale = this.colors.suggestErrorScale();
+    this.falseMost = this.autoFalseMost = this.colors.suggestFalseMost();
     this.pictures = new Map();
-    this.srgb = makeSrgbTable();
     this.panes = [];
   }
 
   resetView() { this.view = {zoom: 1, x: this.set.width / 2, y: this.set.height / 2}; }
-
-  // The largest |difference| of luminance but for the top percent, of all images.
-  suggestErrorScale() {
-    const reference = this.images[this.set.reference].pixels;
-    let scale = 0;
-    this.images.forEach((image, k) => {
-      if (k === this.set.reference) return;
-      const values = new Float32Array(this.count);
-      for (let i = 0; i < this.count; ++i)
-        values[i] = Math.abs(luminanceOf(image.pixels, i) - luminanceOf(reference, i));
-      const finite = values.filter(Number.isFinite);
-      scale = Math.max(scale, percentileOf(finite, 0.99) || percentileOf(finite, 1));
-    });
-    return scale > 0 ? Number(scale.toPrecision(2)) : 1;
-  }
-
-  suggestFalseMost() {
-    const values = new Float32Array(this.count);
-    for (let i = 0; i < this.count; ++i)
-      values[i] = luminanceOf(this.images[this.set.reference].pixels, i);
-    const most = percentileOf(values.filter(Number.isFinite), 0.99);
-    return most > 0 ? Number(most.toPrecision(2)) : 1;
-  }
-
-  // Colours.
-
-  paint(k, data) {
-    const pixels = this.images[k].pixels;
-    if (this.show === 'tone') return this.paintTone(pixels, data);
-    const reference = this.images[this.set.reference].pixels, error = this.show === 'error';
-    const table = error ? errorTable : falseTable;
-    for (let i = 0; i < this.count; ++i) {
-      const value = luminanceOf(pixels, i);
-      const t = error ? 0.5 + 0.5 * (value - luminanceOf(reference, i)) / this.errorScale
-                      : value / this.falseMost;
-      const at = 3 * Math.round(255 * Math.min(1, Math.max(0, t)));
-      for (let c = 0; c < 3; ++c)
-        data[4 * i + c] = Number.isFinite(t) ? table[at + c] : notFiniteColor[c];
-      data[4 * i + 3] = 255;
-    }
-  }
-
-  paintTone(pixels, data) {
-    const gain = 2 ** this.exposure * 4096;
-    for (let i = 0; i < this.count; ++i) {
-      const finite = Number.isFinite(pixels[3 * i] + pixels[3 * i + 1] + pixels[3 * i + 2]);
-      for (let c = 0; c < 3; ++c)
-        data[4 * i + c] = finite
-          ? this.srgb[Math.round(Math.min(4096, Math.max(0, gain * pixels[3 * i + c])))]
-          : notFiniteColor[c];
-      data[4 * i + 3] = 255;
-    }
-  }
 
   // The image as it is shown, in its own size; kept until a control changes its colours.
   picture(k) {
@@ -99,7 +32,7 @@ class Comparer {
       const canvas = element('canvas', {width: this.set.width, height: this.set.height});
       const context = canvas.getContext('2d');
       const data = context.createImageData(this.set.width, this.set.height);
-      this.paint(k, data.data);
+      this.colors.paint(k, this, data.data);
       context.putImageData(data, 0, 0);
       this.pictures.set(k, canvas);
     }
@@ -136,7 +69,8 @@ class Comparer {
     const bad = this.images.filter((image) => image.notFinite > 0)
       .map((image) => `${image.name}: ${image.notFinite} pixels are not finite (magenta)`);
     return element('p', {class: 'quiet'}, [
-      `${images.length} images of ${width} x ${height} as ${precision} floats, ${formatBytes(bytes)}`,
+      `${images.length} images of ${width} x ${height} as ${precision} floats, ` +
+        formatBytes(bytes),
       precision === 'half' ? 'values to 1 in 2,048' : 'exact values', ...bad].join('; ') +
       '. Click an image, then: wheel or +/- zooms, dragging pans, arrows move the cursor, 0 or a ' +
       'double click fits, 1 to 9 choose an image, space swaps the two.');
@@ -286,8 +220,7 @@ class Comparer {
   drawLegend() {
     const reference = this.images[this.set.reference].name;
     const parts = {
-      tone: () => [`luminance 1 is white at 0 stops; now at ${formatNumber(2 ** -this.exposure)}; ` +
-                   'clipped, sRGB'],
+      tone: () => [`white from ${formatNumber(2 ** -this.exposure)} on, clipped; sRGB`],
       error: () => [legendBar(errorTable, '\u2212' + formatNumber(this.errorScale), '0',
                               '+' + formatNumber(this.errorScale)),
                     `luminance minus that of ${reference}: blue is too dark, red too bright`],

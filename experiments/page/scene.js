@@ -10,55 +10,6 @@ const probeStates = [
 const noValueColor = [110, 110, 110];
 const manyProbes = 4000;  // more than that are drawn as octahedra
 
-const sceneVertexShader = `
-attribute vec3 position; attribute vec3 normal; attribute vec3 color;
-uniform mat4 matrix; varying vec3 shade; varying float height;
-void main() {
-  height = position.y;
-  float light = 0.62 + 0.26 * dot(normal, vec3(0.36, 0.80, 0.48)) + 0.10 * normal.x;
-  shade = color * light;
-  gl_Position = matrix * vec4(position, 1.0);
-}`;
-const probeVertexShader = `
-attribute vec3 position; attribute vec3 normal; attribute vec3 color;
-uniform mat4 matrix; uniform float radius; uniform vec3 eye;
-varying vec3 shade; varying float height;
-void main() {
-  height = position.y;
-  vec3 place = position + radius * normal;
-  float facing = max(dot(normal, normalize(eye - place)), 0.0);
-  shade = color * (0.45 + 0.55 * facing);
-  gl_Position = matrix * vec4(place, 1.0);
-}`;
-const fragmentShader = `
-precision highp float; varying vec3 shade; varying float height; uniform float cut;
-void main() {
-  if (height > cut) discard;
-  gl_FragColor = vec4(shade, 1.0);
-}`;
-
-const vec = {
-  add: (a, b) => a.map((x, i) => x + b[i]),
-  sub: (a, b) => a.map((x, i) => x - b[i]),
-  scale: (a, s) => a.map((x) => x * s),
-  dot: (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2],
-  cross: (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
-  unit: (a) => vec.scale(a, 1 / (Math.hypot(...a) || 1))};
-
-// Triangles of a ball, as unit vectors: an octahedron, each face split in four `rounds` times.
-function ballTriangles(rounds) {
-  const [x, y, z] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], n = (v) => vec.scale(v, -1);
-  let faces = [[x, y, z], [z, y, n(x)], [n(x), y, n(z)], [n(z), y, x],
-               [z, n(y), x], [n(x), n(y), z], [n(z), n(y), n(x)], [x, n(y), n(z)]];
-  for (let round = 0; round < rounds; ++round) {
-    faces = faces.flatMap(([a, b, c]) => {
-      const [ab, bc, ca] = [[a, b], [b, c], [c, a]].map(([p, q]) => vec.unit(vec.add(p, q)));
-      return [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
-    });
-  }
-  return faces.flat();
-}
-
 class SceneView {
   constructor(layout) {
     this.layout = layout;
@@ -72,7 +23,7 @@ class SceneView {
                     cut: this.startingCut()};
     this.shownStates = [true, true, true];
     this.picked = -1;
-    this.resetCamera();
+    this.camera = new OrbitCamera(layout.box);
   }
 
   // Heights are cut off above all probes: that takes away the ceiling over them.
@@ -86,12 +37,6 @@ class SceneView {
   cutHeight() {
     const {min, max} = this.layout.box;
     return this.options.cut >= 1 ? 1e30 : min[1] + this.options.cut * (max[1] - min[1]);
-  }
-
-  resetCamera() {
-    const {min, max} = this.layout.box;
-    this.camera = {target: vec.scale(vec.add(min, max), 0.5), yaw: 0.6, pitch: 0.9,
-                   distance: 1.15 * this.diagonal};
   }
 
   // Buffers.
@@ -108,8 +53,8 @@ class SceneView {
                         element('div', {class: 'beside'}, this.canvas,
                                 element('div', {}, this.legend, this.info)),
                         element('p', {class: 'quiet'}, 'Dragging orbits; with shift or the right ' +
-                                'button it pans. Click, then the wheel or +/- zooms; arrows orbit, ' +
-                                'shift and arrows pan, 0 resets.'));
+                                'button it pans. Click, then the wheel or +/- zooms; arrows ' +
+                                'orbit, shift and arrows pan, 0 resets.'));
     this.gl = this.canvas.getContext('webgl', {antialias: true, preserveDrawingBuffer: true});
     this.fillLegend();
     if (!this.gl) {
@@ -136,7 +81,8 @@ class SceneView {
     }
     ['position', 'normal', 'color'].forEach((name, i) => gl.bindAttribLocation(program, i, name));
     gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw Error(gl.getProgramInfoLog(program));
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS))
+      throw Error(gl.getProgramInfoLog(program));
     return program;
   }
 
@@ -166,7 +112,8 @@ class SceneView {
   makeProbes() {
     this.ball = ballTriangles(this.layout.probes.count > manyProbes ? 0 : 1);
     const corners = this.ball.length, count = this.layout.probes.count;
-    const centers = new Float32Array(3 * corners * count), normals = new Float32Array(centers.length);
+    const centers = new Float32Array(3 * corners * count);
+    const normals = new Float32Array(centers.length);
     for (let i = 0; i < count; ++i)
       for (let k = 0; k < corners; ++k) {
         centers.set(this.positions.subarray(3 * i, 3 * i + 3), 3 * (i * corners + k));
@@ -216,30 +163,6 @@ class SceneView {
 
   // Drawing.
 
-  basis() {
-    const {yaw, pitch} = this.camera;
-    const back = [Math.cos(pitch) * Math.sin(yaw), Math.sin(pitch), Math.cos(pitch) * Math.cos(yaw)];
-    const right = [Math.cos(yaw), 0, -Math.sin(yaw)];
-    return {back, right, up: vec.cross(back, right)};
-  }
-
-  // The matrix of the camera, column by column, and where its eye is.
-  matrix() {
-    const {back, right, up} = this.basis(), {target, distance} = this.camera;
-    const eye = vec.add(target, vec.scale(back, distance));
-    const far = distance + 2 * this.diagonal, near = Math.max(distance / 200, far / 20000);
-    const focal = 1 / Math.tan(Math.PI / 8), aspect = this.canvas.width / this.canvas.height;
-    const rows = [[...vec.scale(right, focal / aspect), -focal / aspect * vec.dot(right, eye)],
-                  [...vec.scale(up, focal), -focal * vec.dot(up, eye)]];
-    const depth = [...back, -vec.dot(back, eye)], a = (far + near) / (near - far);
-    rows.push(depth.map((x, i) => a * x + (i === 3 ? 2 * far * near / (near - far) : 0)));
-    rows.push(depth.map((x) => -x));
-    const columns = new Float32Array(16);
-    for (let row = 0; row < 4; ++row)
-      for (let column = 0; column < 4; ++column) columns[4 * column + row] = rows[row][column];
-    return {columns, rows, eye};
-  }
-
   draw() {
     if (!this.gl) return;
     const gl = this.gl, canvas = this.canvas, ratio = window.devicePixelRatio || 1;
@@ -252,7 +175,7 @@ class SceneView {
     gl.clearColor(ground[0] / 255, ground[1] / 255, ground[2] / 255, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
-    this.projection = this.matrix();
+    this.projection = this.camera.projection(width / height);
     if (this.options.scene) this.drawTriangles();
     if (this.options.probes) this.drawProbes();
   }
@@ -344,33 +267,33 @@ class SceneView {
                    checkbox('through walls', 'show-through', false, redraw('through')),
                    checkbox('leave out back faces', 'cull-faces', true, redraw('cull')),
                    element('button', {type: 'button', id: 'reset-camera', onclick: () => {
-                     this.resetCamera();
+                     this.camera.reset();
                      this.draw();
                    }}, 'Reset view'),
                    element('button', {type: 'button', id: 'top-camera', onclick: () => {
-                     this.resetCamera();
-                     Object.assign(this.camera, {yaw: 0, pitch: Math.PI / 2 - 0.001});
+                     this.camera.lookDown();
                      this.draw();
                    }}, 'From above'));
   }
 
   fillLegend() {
-    const {counts, classified} = this.layout.probes, value = this.chosenValues();
+    const {counts, params, moved} = this.layout.probes, value = this.chosenValues();
     const list = probeStates.map((state, i) => {
       const swatch = element('span', {class: 'swatch'});
       swatch.style.background = value ? 'none' : `rgb(${state.color})`;
-      const box = checkbox(`${state.name}: ${counts[i]}`, `state-${i}`, this.shownStates[i], (on) => {
+      const show = (on) => {
         this.shownStates[i] = on;
         this.colorProbes();
         this.draw();
-      });
+      };
+      const box = checkbox(`${state.name}: ${counts[i]}`, `state-${i}`, this.shownStates[i], show);
       box.insertBefore(swatch, box.lastChild);
       return element('div', {class: 'controls'}, box);
     });
     this.legend.replaceChildren(...list);
-    if (!classified)
-      this.legend.append(element('p', {class: 'quiet'}, 'The probes are not classified (--params), ' +
-                                                        'so none is off.'));
+    this.legend.append(element('p', {class: 'quiet'}, params === null
+      ? 'As the layout has them: none was moved or switched off (--params).'
+      : `As ${params} relocates and classifies them: ${moved} moved.`));
     if (!value) return;
     const [least, most] = this.range(value), unit = value.unit ? ' ' + value.unit : '';
     this.legend.append(element('p', {}, `${value.name}${value.unit ? ` [${value.unit}]` : ''}: `,
@@ -401,14 +324,15 @@ class SceneView {
     const box = this.canvas.getBoundingClientRect(), {rows} = this.projection;
     const x = 2 * (event.clientX - box.left) / box.width - 1;
     const y = 1 - 2 * (event.clientY - box.top) / box.height;
-    const focal = 1 / Math.tan(Math.PI / 8), aspect = box.width / box.height;
+    const aspect = box.width / box.height;
     let found = -1, nearest = Infinity;
     for (let i = 0; i < this.layout.probes.count; ++i) {
-      if (!this.shownStates[this.states[i]] || this.positions[3 * i + 1] > this.cutHeight()) continue;
+      const cut = this.positions[3 * i + 1] > this.cutHeight();
+      if (cut || !this.shownStates[this.states[i]]) continue;
       const p = [...this.positions.subarray(3 * i, 3 * i + 3), 1];
       const [u, v, , w] = rows.map((row) => row.reduce((sum, r, c) => sum + r * p[c], 0));
       if (w <= 0 || w >= nearest) continue;
-      const reach = Math.max(focal * this.radius * this.options.size / w, 8 / box.height);
+      const reach = Math.max(cameraFocal * this.radius * this.options.size / w, 8 / box.height);
       if (Math.hypot((u / w - x) * aspect, v / w - y) <= reach) found = i, nearest = w;
     }
     return found;
@@ -430,13 +354,14 @@ class SceneView {
       this.drag = null;
     });
     canvas.addEventListener('dblclick', () => {
-      this.resetCamera();
+      this.camera.reset();
       this.draw();
     });
     canvas.addEventListener('wheel', (event) => {
       if (document.activeElement !== canvas && !event.ctrlKey) return;
       event.preventDefault();
-      this.zoom(2 ** (event.deltaY / 400));
+      this.camera.zoom(2 ** (event.deltaY / 400));
+      this.draw();
     }, {passive: false});
     canvas.addEventListener('keydown', (event) => this.key(event));
   }
@@ -448,48 +373,28 @@ class SceneView {
     this.draw();
   }
 
-  zoom(factor) {
-    const {distance} = this.camera;
-    this.camera.distance = Math.min(8 * this.diagonal,
-                                    Math.max(this.diagonal / 500, distance * factor));
-    this.draw();
-  }
-
-  orbit(yaw, pitch) {
-    const limit = Math.PI / 2 - 0.001;
-    this.camera.yaw += yaw;
-    this.camera.pitch = Math.min(limit, Math.max(-limit, this.camera.pitch + pitch));
-    this.draw();
-  }
-
-  // By shares of the view's height.
-  pan(x, y) {
-    const {right, up} = this.basis(), size = 2 * this.camera.distance * Math.tan(Math.PI / 8);
-    this.camera.target = vec.add(this.camera.target,
-                                 vec.add(vec.scale(right, -x * size), vec.scale(up, y * size)));
-    this.draw();
-  }
-
   move(event) {
     if (!this.drag) return;
     const dx = event.clientX - this.drag.x, dy = event.clientY - this.drag.y;
     if (!this.drag.moved && Math.hypot(dx, dy) < 3) return;
     Object.assign(this.drag, {x: event.clientX, y: event.clientY, moved: true});
     const height = this.canvas.clientHeight;
-    if (this.drag.pan) this.pan(dx / height, dy / height);
-    else this.orbit(-dx * 0.008, dy * 0.008);
+    if (this.drag.pan) this.camera.pan(dx / height, dy / height);
+    else this.camera.orbit(-dx * 0.008, dy * 0.008);
+    this.draw();
   }
 
   key(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const arrows = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
-    const arrow = arrows[event.key];
-    if (arrow && event.shiftKey) this.pan(-0.05 * arrow[0], -0.05 * arrow[1]);
-    else if (arrow) this.orbit(0.1 * arrow[0], -0.1 * arrow[1]);
-    else if (event.key === '+' || event.key === '=') this.zoom(0.85);
-    else if (event.key === '-') this.zoom(1 / 0.85);
-    else if (event.key === '0') this.resetCamera(), this.draw();
+    const arrow = arrows[event.key], camera = this.camera;
+    if (arrow && event.shiftKey) camera.pan(-0.05 * arrow[0], -0.05 * arrow[1]);
+    else if (arrow) camera.orbit(0.1 * arrow[0], -0.1 * arrow[1]);
+    else if (event.key === '+' || event.key === '=') camera.zoom(0.85);
+    else if (event.key === '-') camera.zoom(1 / 0.85);
+    else if (event.key === '0') camera.reset();
     else return;
+    this.draw();
     event.preventDefault();
   }
 }

@@ -78,7 +78,8 @@ class StudyTable {
     const failures = this.study.failures;
     if (failures.length === 0) return null;
     return element('div', {class: 'notice failures', role: 'note'},
-                   `${failures.length} ${failures.length === 1 ? 'cell has' : 'cells have'} no result:`,
+                   failures.length === 1 ? '1 cell has no result:'
+                                         : `${failures.length} cells have no result:`,
                    element('ul', {}, ...failures.map(
                      (f) => element('li', {}, element('code', {}, f.id), ' ', f.error))));
   }
@@ -259,7 +260,8 @@ class StudyTable {
     };
     const columns = this.columns();
     const lines = [['id', ...columns.map((i) => this.study.columns[i].name)],
-                   ...this.visibleRows().map((row) => [row.id, ...columns.map((i) => row.values[i])])];
+                   ...this.visibleRows().map(
+                     (row) => [row.id, ...columns.map((i) => row.values[i])])];
     saveText(`${this.study.name}.csv`, 'text/csv',
              lines.map((line) => line.map(quote).join(',') + '\n').join(''));
   }
@@ -275,7 +277,7 @@ function buildStudies() {
     node.append(choiceButtons('study', report.studies.map((study, i) => [i, study.name]), 0, show));
   node.append(place, element('p', {class: 'quiet'},
     'Press a heading to sort. Filters: a value of an axis; for numbers < 0.1, >= 2, 5 or 1 .. 3. ' +
-    'Numbers in italics are below four times the noise floor of the reference. The last button of ' +
-    'a row shows the command that gave it.'));
+    'Numbers in italics are below four times the noise floor of the reference. The last button ' +
+    'of a row shows the command that gave it.'));
   show(0);
 }
