@@ -29,6 +29,23 @@ class Budget(CliTest):
             self.assertEqual(budget[name], score[name], name)
         self.assertEqual(budget["noise_floor"], score["error"]["noise_floor"])
 
+    def test_without_bounces_the_stages_end_at_the_field(self):
+        # A black panel that emits, alone in space: no light comes through the probes, so rays and
+        # formats rebuilt on the host must be what the device's field holds, but for a texel's last
+        # place (2^-10 of fp16).
+        write_glb(self.folder / "panel.glb", [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)],
+                  [(0, 1, 2), (0, 2, 3)], base_color=(0, 0, 0, 1), emission=(1, 1, 1),
+                  camera=None, double_sided=True)
+        (self.folder / "panel.toml").write_text(
+            'gltf = "panel.glb"\n[volume]\nmin = [-2.0, -2.0, -2.0]\nmax = [2.0, 2.0, 2.0]\n')
+        rungs = self.run_json("budget", "panel.toml", *SMALL, "--exact-rays", 64, "--split", "all",
+                              "--set", "irradiance_format=rgba16f")["rungs"]
+        formats, field = rungs[-2], rungs[-1]
+        self.assertGreater(field["nrmse"], 0.05)
+        for name in ("nrmse", "bias", "smape", "light_leak", "shadow_leak"):
+            self.assertAlmostEqual(formats[name], field[name], delta=2 ** -10, msg=name)
+        self.assertGreater(abs(rungs[-3]["nrmse"] - rungs[-4]["nrmse"]), 2 ** -10)
+
     def test_threads_change_no_byte_and_the_seed_does(self):
         def rungs(*more):
             return self.run_json("budget", WALL, *SMALL, "--exact-rays", 256, *more)["rungs"]
