@@ -21,16 +21,24 @@ constexpr int kNeighbours = 12;           // that the search looks at
 constexpr float kSupportSpacings = 2.2f;  // typical support radius over the spacing
 constexpr float kReachSpacings = 3.0f;    // beyond, a new probe counts only where there is none
 
-// 1 / error^2 of the start under each state, so that the sum falls as their geometric mean does.
-std::vector<double> stateWeights(const Training::Data& data, std::span<const float> estimates,
-                                 bool own_only) {
-  std::vector<double> weights = squaredErrors(data, estimates);
-  for (std::size_t l = 0; l < weights.size(); ++l)
-    if (own_only && !data.patches->lighting()[l].own) weights[l] = 0;
+// States count by 1 / error^2 of the start, so that the sum falls as their geometric mean does;
+// `coverage` is in units of what the start's errors cost.
+Objective makeObjective(const Training::Data& data, std::span<const float> estimates, bool own_only,
+                        double relative, double coverage, float covered_m) {
+  const std::vector<double> errors = squaredErrors(data, estimates);
+  Objective objective{errors, relative, 0, covered_m};
   double sum = 0;
-  for (double& w : weights) sum += w = w > 0 ? 1 / std::max(w, 1e-6) : 0;
-  for (double& w : weights) w = sum > 0 ? w / sum : 0;
-  return weights;
+  for (std::size_t l = 0; l < errors.size(); ++l) {
+    double& w = objective.state_weights[l];
+    if (own_only && !data.patches->lighting()[l].own) w = 0;
+    sum += w = w > 0 ? 1 / std::max(w, 1e-6) : 0;
+  }
+  for (std::size_t l = 0; l < errors.size(); ++l) {
+    double& w = objective.state_weights[l];
+    w = sum > 0 ? w / sum : 0;
+    objective.coverage += coverage * w * errors[l];
+  }
+  return objective;
 }
 
 // The input with a part of its progress, so that the whole runs from 0 to 1 once.
@@ -88,9 +96,10 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
              .share = pool_share,
              .spacing_m = spacing},
             input.seed);
-  const Objective objective = {
-      .state_weights = stateWeights(data, estimateLayout(data, start, input.params), own_only),
-      .relative = relative};
+  const Objective objective =
+      makeObjective(data, estimateLayout(data, start, input.params), own_only, relative,
+                    numberOption(input, "coverage", 0, 1e6),
+                    static_cast<float>(numberOption(input, "covered", 0.1, 10)) * spacing);
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
   data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
@@ -122,6 +131,10 @@ const Strategy kOptimizedStrategy = {
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
         {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
         {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
+        {"coverage", "4", "0 .. 1e6",
+         "cost of gaps between probes, for light that may fall anywhere"},
+        {"covered", "0.9", "0.1 .. 10",
+         "no gap: the 4th nearest visible probe is within this, x mean spacing"},
     }),
     placeOptimized};
 

@@ -12,10 +12,11 @@
 namespace probelab {
 namespace {
 
-constexpr uint32_t kScreened = 6;  // a screening looks at every sixth point
-constexpr int kListed = 16;        // nearest visible probes that a receiver knows, at most
-constexpr float kLift = 1e-4f;     // of the scene's extent, off the surface for visibility rays
-constexpr float kGap = 1e-3f;      // share of a visibility ray left out at its end
+constexpr uint32_t kScreened = 6;     // a screening looks at every sixth point
+constexpr int kListed = 16;           // nearest visible probes that a receiver knows, at most
+constexpr std::size_t kCovering = 4;  // visible probes that a place should have near
+constexpr float kLift = 1e-4f;        // of the scene's extent, off the surface for visibility rays
+constexpr float kGap = 1e-3f;         // share of a visibility ray left out at its end
 
 // The moments of one probe as the shared query reads them.
 struct MomentField {
@@ -42,7 +43,9 @@ SubsetModel::SubsetModel(const Training::Data& data, const JudgedPoints& judged,
       modes_(queryModes(params)),
       plan_(plan),
       settings_(settings),
-      states_(data.stateCount()) {
+      states_(data.stateCount()),
+      coverage_(objective.coverage),
+      covered_m_(objective.covered_m) {
   PROBELAB_CHECK(states_ <= kMostStates);
   const std::size_t count = judged.points.size();
   weights_.assign(count * states_, 0.0f);
@@ -148,8 +151,8 @@ float SubsetModel::reachOf(std::size_t receiver) const {
 }
 
 // Mean radiance under every state after a change.
-void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
-                               std::span<float> estimate) const {
+float SubsetModel::estimateWith(std::size_t receiver, const Change& change,
+                                std::span<float> estimate) const {
   std::array<float, kMostStates> added_values;
   Pair added;
   if (change.added != nullptr) added = pairOf(receiver, *change.added, added_values.data());
@@ -179,7 +182,7 @@ void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
   if (pending && count <= k)
     items[count++] = {added.offset, added.distance, added.gain, added_values.data()};
   std::fill(estimate.begin(), estimate.end(), 0.0f);
-  if (count == 0) return;
+  if (count == 0) return settings_.largest_reach_m;
   const std::size_t used = std::min(count, k);
   const float support =
       count > k ? items[k].distance : kOpenSupport * items[count - 1].distance + 1e-20f;
@@ -206,12 +209,13 @@ void SubsetModel::estimateWith(std::size_t receiver, const Change& change,
     e /= total;
     if (squared) e *= e;
   }
+  return count < kCovering ? settings_.largest_reach_m : items[kCovering - 1].distance;
 }
 
 double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
   std::array<float, kMostStates> buffer;
   const std::span<float> estimate(buffer.data(), states_);
-  estimateWith(receiver, change, estimate);
+  const float gap_m = estimateWith(receiver, change, estimate);
   const float* truth = &judged_.truth[receiver * states_];
   const float* weight = &weights_[receiver * states_];
   float cost = 0;
@@ -219,7 +223,8 @@ double SubsetModel::costWith(std::size_t receiver, const Change& change) const {
     const float d = estimate[l] - truth[l];
     cost += weight[l] * d * d;
   }
-  return static_cast<double>(cost);
+  const double gap = std::max(0.0, static_cast<double>(gap_m / covered_m_) - 1);
+  return static_cast<double>(cost) + judged_.points[receiver].area * coverage_ * gap * gap;
 }
 
 template <class Visit>

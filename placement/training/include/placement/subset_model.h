@@ -24,9 +24,15 @@ JudgedPoints trainPoints(const Training::Data& data);
 // What an estimate's error costs: sum over receivers and states of
 // area * state_weight * ((1 - relative) d^2 / power + relative d^2 / ((E + 0.1 mean) mean)) with d
 // the error of the irradiance E, and power and mean of the state's truth.
+//
+// Light that nobody trained on may fall anywhere, so gaps cost too, where `coverage` is above 0:
+// area
+// * coverage * max(0, d / covered_m - 1)^2, d the distance of the 4th nearest visible probe.
 struct Objective {
   std::vector<double> state_weights;  // [state], sum 1
   double relative = 0;
+  double coverage = 0;
+  float covered_m = 1;
 };
 
 // Weight of a squared error where the truth is `e`, apart from the point's area.
@@ -96,7 +102,8 @@ class SubsetModel {
     bool visible = false;
   };
   Pair pairOf(std::size_t receiver, const BakedProbe& probe, float* values) const;
-  void estimateWith(std::size_t receiver, const Change& change, std::span<float> estimate) const;
+  // Returns the distance that coverage looks at, in metres.
+  float estimateWith(std::size_t receiver, const Change& change, std::span<float> estimate) const;
   double costWith(std::size_t receiver, const Change& change) const;
   template <class Visit>
   void forTouched(const Change& change, const Visit& visit) const;
@@ -112,6 +119,8 @@ class SubsetModel {
   const BakePlan& plan_;
   SubsetSettings settings_;
   std::size_t states_;
+  double coverage_;
+  float covered_m_;
   std::vector<float> weights_;  // [receiver][state]
   std::vector<Vec3f> lifted_;   // [receiver], off its surface
   std::vector<BakedProbe> slots_;
