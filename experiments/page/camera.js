@@ -64,7 +64,7 @@ class OrbitCamera {
 
   reset() {
     this.target = vec.scale(vec.add(this.box.min, this.box.max), 0.5);
-    Object.assign(this, {yaw: 0.6, pitch: 0.9, distance: 1.15 * this.diagonal});
+    Object.assign(this, {yaw: 0.6, pitch: 0.9, distance: this.diagonal, fits: false});
   }
 
   lookDown() {
@@ -80,8 +80,23 @@ class OrbitCamera {
     return {back, right, up: vec.cross(back, right)};
   }
 
+  // The least distance from which all of the box is seen.
+  fit(aspect) {
+    const {back, right, up} = this.basis(), {min, max} = this.box;
+    let distance = 0;
+    for (let corner = 0; corner < 8; ++corner) {
+      const place = [0, 1, 2].map((c) => (corner >> c & 1 ? max[c] : min[c]) - this.target[c]);
+      const reach = cameraFocal * Math.max(Math.abs(vec.dot(place, right)) / aspect,
+                                           Math.abs(vec.dot(place, up)));
+      distance = Math.max(distance, reach + vec.dot(place, back));
+    }
+    this.distance = 1.04 * distance || 1;
+    this.fits = true;
+  }
+
   // The matrix by rows and, for WebGL, by columns; and where the eye is.
   projection(aspect) {
+    if (!this.fits) this.fit(aspect);
     const {back, right, up} = this.basis();
     const eye = vec.add(this.target, vec.scale(back, this.distance));
     const far = this.distance + 2 * this.diagonal;

@@ -174,10 +174,10 @@ class Comparer {
     this.place.replaceChildren(...this.panes.map((pane) => pane.node));
     const columns = count === 1 ? 1 : count === 2 || count === 4 ? 2 : 3;
     this.place.style.gridTemplateColumns = `repeat(${columns}, minmax(0, 1fr))`;
-    // One image is never taller than the window.
-    const {width, height} = this.set;
-    this.place.classList.toggle('all', count > 1);
-    this.place.style.maxWidth = count === 1 ? `min(100%, calc(68vh * ${width / height}))` : '';
+    // All of them fit into the window's height, up to two rows of them.
+    const {width, height} = this.set, rows = Math.min(2, Math.ceil(count / columns));
+    this.place.style.maxWidth =
+      `min(100%, calc(${columns} * ${68 / rows}vh * ${width / height}))`;
   }
 
   makePane(k) {
@@ -297,7 +297,7 @@ class Comparer {
 
   drawTable() {
     const cell = (value) => element('td', {class: 'number'}, value);
-    const head = element('tr', {}, ...['image', 'R', 'G', 'B', 'luminance', 'minus reference',
+    const head = element('tr', {}, ...['image', 'R', 'G', 'B', 'luminance', 'error',
                                        'relative'].map((text, i) => element(
                                          'th', {class: i ? 'number' : '', scope: 'col'}, text)));
     const rows = this.pixel ? this.images.map((image, k) => {

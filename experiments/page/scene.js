@@ -7,7 +7,7 @@ const probeStates = [
   {name: 'active', color: [0, 158, 115]},
   {name: 'off', color: [140, 140, 140]},
   {name: 'inside solid geometry', color: [213, 94, 0]}];
-const noValueColor = [110, 110, 110];
+const noValueColor = [110, 110, 110], pickedColor = [255, 0, 160];
 const manyProbes = 4000;  // more than that are drawn as octahedra
 
 class SceneView {
@@ -131,7 +131,7 @@ class SceneView {
     const colors = new Uint8Array(3 * corners * count);
     this.runs = [];
     for (let i = 0; i < count; ++i) {
-      const color = i === this.picked ? [255, 221, 0] : this.colorOf(i);
+      const color = i === this.picked ? pickedColor : this.colorOf(i);
       for (let k = 0; k < corners; ++k) colors.set(color, 3 * (i * corners + k));
       if (!this.shownStates[this.states[i]]) continue;
       const last = this.runs[this.runs.length - 1];

@@ -266,6 +266,28 @@ class Layouts(ReportTest):
         self.assertEqual(sum(probes["counts"]), len(stored))
         self.assertEqual(len(self.blob(page, probes["states"])), len(stored))
 
+    def test_of_too_many_triangles_the_largest_are_shown(self):
+        # A cloth of 1 m x 1 m, its cells cut along both diagonals; the room's own triangles come
+        # last, and must not be left out.
+        side = 225
+        cloth = [(x / side, 1.0, z / side) for z in range(side) for x in range(side)]
+        cells = [8 + x + side * z for z in range(side - 1) for x in range(side - 1)]
+        right, below, across = 1, side, side + 1
+        write_glb(self.folder / "room.glb", ROOM_CORNERS + cloth,
+                  [t for i in cells for t in ((i, i + below, i + right),
+                                              (i + right, i + below, i + across),
+                                              (i, i + below, i + across),
+                                              (i, i + across, i + right))] + ROOM_TRIANGLES)
+        self.run_ok("place", "room.glb", "--probes", "8", "-o", "l.json")
+        page, data = self.page(".", *self.view)
+        triangles = data["layout"]["triangles"]
+        self.assertEqual((triangles["shown"], triangles["all"]), (200_000, 4 * 224 * 224 + 12))
+        last = self.floats(page, triangles["positions"])[-9 * 12:]
+        self.assertEqual((min(last[::3]), max(last[::3])), (-2.0, 2.0))
+        self.assertGreater(min(max(map(abs, last[9 * i:9 * i + 9])) for i in range(12)), 1.0)
+        note = self.run_ok("report", ".", *self.view).stderr
+        self.assertIn("200000 largest of 200716", note)
+
     def test_values_from_a_file(self):
         (self.folder / "v.csv").write_text("probe,error,x\n1,0.5,9\n0,-2,9\n")
         page, data = self.page(".", *self.view, "--probe-values", "v.csv")
