@@ -64,12 +64,19 @@ class OrbitCamera {
 
   reset() {
     this.target = vec.scale(vec.add(this.box.min, this.box.max), 0.5);
-    Object.assign(this, {yaw: 0.6, pitch: 0.9, distance: this.diagonal, fits: false});
+    Object.assign(this, {yaw: 0.35 + this.longSide(), pitch: 0.9, distance: this.diagonal,
+                         fits: false});
+  }
+
+  // The yaw from which the longer side of the box lies across the view.
+  longSide() {
+    const size = vec.sub(this.box.max, this.box.min);
+    return size[2] > size[0] ? Math.PI / 2 : 0;
   }
 
   lookDown() {
     this.reset();
-    Object.assign(this, {yaw: 0, pitch: steepest});
+    Object.assign(this, {yaw: this.longSide(), pitch: steepest});
   }
 
   basis() {
