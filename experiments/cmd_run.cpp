@@ -85,10 +85,14 @@ Json outcomeJson(const Study& study, const StudyRun& run, const StudyOutcome& ou
   Json failed = Json::array();
   for (const StudyFailure& failure : outcome.failures)
     failed.push_back({{"id", failure.cell->id}, {"error", failure.error}});
-  return {{"study", study.name},         {"cells", study.cells.size()},
-          {"done", outcome.done},        {"found", outcome.found},
-          {"failed", failed},            {"seconds", outcome.seconds},
-          {"results", run.folder.string()}, {"version", buildInfo().version}};
+  return {{"study", study.name},
+          {"cells", study.cells.size()},
+          {"done", outcome.done},
+          {"found", outcome.found},
+          {"failed", failed},
+          {"seconds", outcome.seconds},
+          {"results", run.folder.string()},
+          {"version", buildInfo().version}};
 }
 
 void runStudy(const RunOptions& options, const Invocation& invocation) {
@@ -106,13 +110,13 @@ void runStudy(const RunOptions& options, const Invocation& invocation) {
   if (options.cell.empty()) writeTextFile(table, studyTable(study, run));
   const Json json = outcomeJson(study, run, outcome);
   reportResult(invocation, json, [&] {
-    fmt::print("{}", formatFields({{"study", study.about},
-                                   {"cells", fmt::format("{} computed, {} found, {} failed",
-                                                         outcome.done, outcome.found,
-                                                         outcome.failures.size())},
-                                   {"time", formatDuration(outcome.seconds)},
-                                   {"results", options.cell.empty() ? table.string()
-                                                                    : run.folder.string()}}));
+    fmt::print(
+        "{}",
+        formatFields({{"study", study.about},
+                      {"cells", fmt::format("{} computed, {} found, {} failed", outcome.done,
+                                            outcome.found, outcome.failures.size())},
+                      {"time", formatDuration(outcome.seconds)},
+                      {"results", options.cell.empty() ? table.string() : run.folder.string()}}));
   });
   if (!outcome.failures.empty())
     throw Error(fmt::format("{} of {} cells failed, first {}: {}; their logs are in {}",

@@ -2,275 +2,27 @@
 #include "study.h"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
-#include <charconv>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <set>
 
 #include "base/build_info.h"
 #include "base/error.h"
 #include "base/files.h"
 #include "base/hash.h"
-#include "base/suggest.h"
 #include "scene/load.h"
+#include "study_plan.h"
 
 namespace probelab {
 namespace {
 
 namespace fs = std::filesystem;
 
-const std::vector<std::string> kStudyKeys = {"about",   "command", "scenes", "states",
-                                             "seeds",   "options", "axis",   "size"};
-const std::vector<std::string> kAxisKeys = {"name", "option", "values", "value"};
-const std::vector<std::string> kValueKeys = {"name", "options"};
-const std::vector<std::string> kSizeKeys = {"scenes", "states", "seeds", "axes", "options"};
-const std::vector<std::string> kCommands = {"evaluate", "tune", "budget", "bench", "place",
-                                            "stability"};
-const std::vector<std::string> kStateChoices = {"all", "train", "heldout"};
 // Options that name a file of the cell's own folder, and those that name an input.
 const std::set<std::string> kOutputs = {"output", "report", "bias-map", "fit-values", "glb"};
 const std::set<std::string> kInputs = {"layout", "params", "ablation", "receivers", "values"};
 constexpr std::size_t kMostCells = 100000;
-
-// A TOML file while it is read: for messages.
-struct Reader {
-  std::string path;
-
-  std::string at(const toml::node& node) const {
-    return fmt::format("{}:{}", path, node.source().begin.line);
-  }
-  void checkKeys(const toml::table& table, const std::vector<std::string>& known) const {
-    for (const auto& [key, node] : table) {
-      const std::string name(key.str());
-      if (std::find(known.begin(), known.end(), name) == known.end())
-        throwInput("{}: unknown key '{}'{}", at(node), name, suggestion(name, known));
-    }
-  }
-  std::string text(const toml::node& node, const char* what) const {
-    const auto value = node.value_exact<std::string>();
-    if (!value || value->empty()) throwInput("{}: {} must be a text in quotes", at(node), what);
-    return *value;
-  }
-  const toml::array& list(const toml::node& node, const char* what) const {
-    const toml::array* array = node.as_array();
-    if (array == nullptr || array->empty())
-      throwInput("{}: {} must be a list in brackets, and not empty", at(node), what);
-    return *array;
-  }
-  std::vector<std::string> texts(const toml::node& node, const char* what) const {
-    std::vector<std::string> all;
-    for (const toml::node& element : list(node, what)) all.push_back(text(element, what));
-    return all;
-  }
-  // A number, text or switch as it stands on a command line.
-  std::string scalar(const toml::node& node, const std::string& what) const {
-    if (const auto value = node.value_exact<std::string>()) return *value;
-    if (const auto value = node.value_exact<int64_t>()) return fmt::format("{}", *value);
-    if (const auto value = node.value_exact<double>()) return fmt::format("{}", *value);
-    throwInput("{}: {} must be a number or a text", at(node), what);
-  }
-  std::vector<std::string> optionValues(const toml::node& node, const std::string& name) const {
-    if (const auto flag = node.value_exact<bool>())
-      return *flag ? std::vector<std::string>{""} : std::vector<std::string>{};
-    const toml::array* array = node.as_array();
-    if (array == nullptr) return {scalar(node, name)};
-    std::vector<std::string> values;
-    for (const toml::node& element : *array) values.push_back(scalar(element, name));
-    return values;
-  }
-  OptionValues options(const toml::node& node) const {
-    if (!node.is_table()) throwInput("{}: options must be a table", at(node));
-    OptionValues options;
-    for (const auto& [key, value] : *node.as_table()) {
-      const std::string name(key.str());
-      for (const char* reserved : {"seed", "state", "json", "cache", "require", "scene"})
-        if (name == reserved)
-          throwInput("{}: '{}' is not for options{}", at(value), name,
-                     name == "seed" ? "; write seeds = [...]"
-                                    : name == "state" ? "; write states = ..." : "");
-      options[name] = optionValues(value, name);
-    }
-    return options;
-  }
-  std::vector<std::string> seeds(const toml::node& node) const {
-    std::vector<std::string> seeds;
-    for (const toml::node& element : list(node, "seeds")) {
-      const auto value = element.value_exact<int64_t>();
-      if (!value || *value < 0) throwInput("{}: seeds must be whole numbers from 0", at(element));
-      seeds.push_back(fmt::format("{}", *value));
-    }
-    return seeds;
-  }
-};
-
-struct AxisValue {
-  std::string name;
-  OptionValues options;
-};
-struct Axis {
-  std::string name;
-  std::vector<AxisValue> values;
-};
-
-// What the file says, before it is expanded.
-struct Plan {
-  std::string about, command;
-  std::vector<std::string> scenes, states, seeds;
-  bool named_states = false;  // `states` are names; else empty or one of kStateChoices
-  OptionValues options;
-  std::vector<Axis> axes;
-};
-
-Axis readAxis(const Reader& read, const toml::node& node) {
-  if (!node.is_table()) throwInput("{}: write axes as [[axis]]", read.at(node));
-  const toml::table& table = *node.as_table();
-  read.checkKeys(table, kAxisKeys);
-  const auto need = [&](const char* key) -> const toml::node& {
-    if (const toml::node* found = table.get(key)) return *found;
-    throwInput("{}: an axis needs '{}'", read.at(table), key);
-  };
-  Axis axis;
-  axis.name = read.text(need("name"), "name");
-  for (const char* own : {"scene", "state", "seed"})
-    if (axis.name == own)
-      throwInput("{}: '{}' is an axis of every study; see {}s", read.at(table), own, own);
-  if (table.get("value") != nullptr) {
-    for (const toml::node& entry : read.list(*table.get("value"), "value")) {
-      if (!entry.is_table()) throwInput("{}: write values as [[axis.value]]", read.at(entry));
-      const toml::table& value = *entry.as_table();
-      read.checkKeys(value, kValueKeys);
-      if (value.get("name") == nullptr) throwInput("{}: a value needs a name", read.at(entry));
-      axis.values.push_back({read.text(*value.get("name"), "name"), {}});
-      if (const toml::node* options = value.get("options"))
-        axis.values.back().options = read.options(*options);
-    }
-  } else {
-    const std::string option = read.text(need("option"), "option");
-    for (const toml::node& entry : read.list(need("values"), "values")) {
-      const std::string value = read.scalar(entry, option);
-      axis.values.push_back({value, {{option, {value}}}});
-    }
-  }
-  std::set<std::string> names;
-  for (const AxisValue& value : axis.values)
-    if (!names.insert(value.name).second)
-      throwInput("{}: axis '{}' has '{}' twice", read.at(table), axis.name, value.name);
-  return axis;
-}
-
-void readStates(const Reader& read, const toml::node& node, Plan& plan) {
-  plan.named_states = node.is_array();
-  plan.states = node.is_array() ? read.texts(node, "states")
-                                : std::vector<std::string>{read.text(node, "states")};
-  if (!plan.named_states && std::find(kStateChoices.begin(), kStateChoices.end(),
-                                      plan.states.front()) == kStateChoices.end())
-    throwInput("{}: states is '{}'{}; or give names in brackets", read.at(node),
-               plan.states.front(), suggestion(plan.states.front(), kStateChoices));
-}
-
-Plan readPlan(const Reader& read, const toml::table& table) {
-  read.checkKeys(table, kStudyKeys);
-  const auto need = [&](const char* key) -> const toml::node& {
-    if (const toml::node* found = table.get(key)) return *found;
-    throwInput("{}: a study needs '{}'", read.path, key);
-  };
-  Plan plan;
-  plan.about = read.text(need("about"), "about");
-  plan.command = read.text(need("command"), "command");
-  if (std::find(kCommands.begin(), kCommands.end(), plan.command) == kCommands.end())
-    throwInput("{}: command is '{}'{}", read.at(need("command")), plan.command,
-               suggestion(plan.command, kCommands));
-  for (const std::string& scene : read.texts(need("scenes"), "scenes")) {
-    const fs::path path = fs::path(read.path).parent_path() / scene;
-    if (!fs::exists(path)) throwInput("{}: scene '{}' is not there", read.at(need("scenes")), scene);
-    plan.scenes.push_back(path.lexically_normal().string());
-  }
-  if (const toml::node* states = table.get("states")) readStates(read, *states, plan);
-  plan.seeds = read.seeds(need("seeds"));
-  if (const toml::node* options = table.get("options")) plan.options = read.options(*options);
-  if (const toml::node* axes = table.get("axis"))
-    for (const toml::node& axis : read.list(*axes, "axis")) {
-      plan.axes.push_back(readAxis(read, axis));
-      for (std::size_t i = 0; i + 1 < plan.axes.size(); ++i)
-        if (plan.axes[i].name == plan.axes.back().name)
-          throwInput("{}: there is an axis '{}' already", read.at(axis), plan.axes[i].name);
-    }
-  return plan;
-}
-
-void narrowAxis(const Reader& read, const toml::node& wanted, Axis& axis) {
-  std::vector<std::string> names;
-  for (const AxisValue& value : axis.values) names.push_back(value.name);
-  std::vector<AxisValue> kept;
-  for (const toml::node& node : read.list(wanted, axis.name.c_str())) {
-    const std::string name = read.scalar(node, axis.name);
-    const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end())
-      throwInput("{}: axis '{}' has no '{}'{}", read.at(node), axis.name, name,
-                 suggestion(name, names));
-    kept.push_back(axis.values[static_cast<std::size_t>(found - names.begin())]);
-  }
-  axis.values = std::move(kept);
-}
-
-void narrowScenes(const Reader& read, const toml::node& wanted, Plan& plan) {
-  std::vector<std::string> kept;
-  for (const std::string& part : read.texts(wanted, "scenes")) {
-    const std::size_t before = kept.size();
-    for (const std::string& scene : plan.scenes)
-      if (scene.find(part) != std::string::npos &&
-          std::find(kept.begin(), kept.end(), scene) == kept.end())
-        kept.push_back(scene);
-    if (kept.size() == before)
-      throwInput("{}: no further scene's path contains '{}'", read.at(wanted), part);
-  }
-  plan.scenes = std::move(kept);
-}
-
-void applySize(const Reader& read, const toml::table& table, const std::string& size, Plan& plan) {
-  std::vector<std::string> names;
-  const toml::table* sizes = table["size"].as_table();
-  if (sizes != nullptr)
-    for (const auto& [key, node] : *sizes) names.emplace_back(key.str());
-  if (std::find(names.begin(), names.end(), size) == names.end())
-    throwInput("--size: {} has no size '{}'{}", read.path, size,
-               names.empty() ? "; it has no sizes" : suggestion(size, names));
-  const toml::table* part = sizes->get(size)->as_table();
-  if (part == nullptr) throwInput("{}: write sizes as [size.{}]", read.path, size);
-  read.checkKeys(*part, kSizeKeys);
-  if (const toml::node* scenes = part->get("scenes")) narrowScenes(read, *scenes, plan);
-  if (const toml::node* states = part->get("states")) readStates(read, *states, plan);
-  if (const toml::node* seeds = part->get("seeds")) plan.seeds = read.seeds(*seeds);
-  if (const toml::node* options = part->get("options"))
-    for (auto& [name, values] : read.options(*options)) plan.options[name] = values;
-  const toml::node* axes = part->get("axes");
-  if (axes == nullptr) return;
-  if (!axes->is_table()) throwInput("{}: axes must be a table", read.at(*axes));
-  for (const auto& [key, node] : *axes->as_table()) {
-    const std::string name(key.str());
-    const auto axis = std::find_if(plan.axes.begin(), plan.axes.end(),
-                                   [&](const Axis& a) { return a.name == name; });
-    if (axis == plan.axes.end()) throwInput("{}: there is no axis '{}'", read.at(node), name);
-    narrowAxis(read, node, *axis);
-  }
-}
-
-// More seeds, and more receivers, for machines that can afford them.
-void applyScale(int scale, Plan& plan) {
-  std::set<std::string> seeds(plan.seeds.begin(), plan.seeds.end());
-  const std::size_t wanted = plan.seeds.size() * static_cast<std::size_t>(scale);
-  for (int next = 1; plan.seeds.size() < wanted; ++next)
-    if (seeds.insert(std::to_string(next)).second) plan.seeds.push_back(std::to_string(next));
-  const auto count = plan.options.find("count");
-  if (scale == 1 || count == plan.options.end() || count->second.empty()) return;
-  std::string& text = count->second.front();
-  int receivers = 0;
-  if (std::from_chars(text.data(), text.data() + text.size(), receivers).ec == std::errc())
-    text = std::to_string(static_cast<int64_t>(receivers) * scale);
-}
 
 // Options of a list are all given, others replace what was there.
 void addOptions(OptionValues& options, const OptionValues& more) {
@@ -285,7 +37,7 @@ void addOptions(OptionValues& options, const OptionValues& more) {
 
 class Expansion {
  public:
-  Expansion(const Plan& plan, const fs::path& study)
+  Expansion(const StudyPlan& plan, const fs::path& study)
       : plan_(plan), study_(study.string()), folder_(study.parent_path()) {}
 
   std::vector<StudyCell> cells() {
@@ -316,11 +68,10 @@ class Expansion {
     std::vector<std::string> names;
     for (const LightingState& state : scene.states) {
       const bool heldout = state.split == Split::heldout;
-      const bool wanted = plan_.named_states
-                              ? std::find(plan_.states.begin(), plan_.states.end(), state.name) !=
-                                    plan_.states.end()
-                              : plan_.states.front() == "all" ||
-                                    (plan_.states.front() == "heldout") == heldout;
+      const bool wanted = plan_.named_states ? std::find(plan_.states.begin(), plan_.states.end(),
+                                                         state.name) != plan_.states.end()
+                                             : plan_.states.front() == "all" ||
+                                                   (plan_.states.front() == "heldout") == heldout;
       if (wanted) names.push_back(state.name);
     }
     if (names.empty()) throwInput("{}: {} has none of the study's states", study_, scene.path);
@@ -329,7 +80,7 @@ class Expansion {
 
   void addAxes(const StudyCell& cell, std::size_t axis, const std::string& scene_hash) {
     if (axis == plan_.axes.size()) return addSeeds(cell, scene_hash);
-    for (const AxisValue& value : plan_.axes[axis].values) {
+    for (const StudyAxisValue& value : plan_.axes[axis].values) {
       StudyCell next = cell;
       addOptions(next.options, value.options);
       next.axes.push_back({plan_.axes[axis].name, value.name});
@@ -350,8 +101,7 @@ class Expansion {
 
   // Inputs lie beside the study; their bytes are part of the identity, their place is not.
   void identify(StudyCell& cell, const std::string& scene_hash) {
-    Json key = {{"command", cell.command}, {"scene", scene_hash},
-                {"version", buildInfo().version}};
+    Json key = {{"command", cell.command}, {"scene", scene_hash}, {"version", buildInfo().version}};
     for (auto& [name, values] : cell.options) {
       Json texts = Json::array();
       for (std::string& value : values) {
@@ -365,7 +115,7 @@ class Expansion {
     cell.id = contentHash(key.dump()).substr(0, 16);
   }
 
-  const Plan& plan_;
+  const StudyPlan& plan_;
   std::string study_;
   fs::path folder_;
   std::vector<StudyCell> cells_;
@@ -374,22 +124,13 @@ class Expansion {
 }  // namespace
 
 Study loadStudy(const fs::path& path, const StudySelection& selection) {
-  const Reader read{path.string()};
-  toml::table table;
-  try {
-    table = toml::parse(readTextFile(path), path.string());
-  } catch (const toml::parse_error& error) {
-    throwInput("{}:{}: {}", path.string(), error.source().begin.line, error.description());
-  }
-  Plan plan = readPlan(read, table);
-  if (!selection.size.empty()) applySize(read, table, selection.size, plan);
-  applyScale(selection.scale, plan);
+  const StudyPlan plan = readStudyPlan(path, selection);
   Study study;
   study.name = path.stem().string();
   study.about = plan.about;
   study.path = path.string();
   study.axes = {"scene", "state"};
-  for (const Axis& axis : plan.axes) study.axes.push_back(axis.name);
+  for (const StudyAxis& axis : plan.axes) study.axes.push_back(axis.name);
   study.axes.push_back("seed");
   study.cells = Expansion(plan, path).cells();
   std::set<std::string> ids;

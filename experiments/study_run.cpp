@@ -53,8 +53,9 @@ std::vector<std::string> childArguments(const StudyCell& cell, const StudyRun& r
   if (!common.device.empty()) arguments.insert(arguments.end(), {"--device", common.device});
   if (common.validation) arguments.push_back("--validation");
   const unsigned cores = std::max(1u, std::thread::hardware_concurrency());
-  const unsigned threads = common.threads > 0 ? static_cast<unsigned>(common.threads)
-                                              : std::max(1u, cores / static_cast<unsigned>(run.jobs));
+  const unsigned threads = common.threads > 0
+                               ? static_cast<unsigned>(common.threads)
+                               : std::max(1u, cores / static_cast<unsigned>(run.jobs));
   if (common.threads > 0 || run.jobs > 1)
     arguments.insert(arguments.end(), {"--threads", std::to_string(threads)});
   return arguments;
@@ -98,7 +99,8 @@ Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& p
   if (child.pid == 0) becomeCell(argv.data(), output, log, parent);
   close(output);
   close(log);
-  if (child.pid < 0) throw Error(fmt::format("no process can be started: {}", std::strerror(errno)));
+  if (child.pid < 0)
+    throw Error(fmt::format("no process can be started: {}", std::strerror(errno)));
   return child;
 }
 
@@ -121,9 +123,8 @@ Json describeCell(const Study& study, const StudyCell& cell, double seconds) {
   for (const auto& [name, value] : cell.axes) axes[name] = value;
   Json options = Json::object();
   for (const auto& [name, values] : cell.options) options[name] = values;
-  return {{"id", cell.id},           {"study", study.name}, {"command", cell.command},
-          {"scene", cell.scene},     {"axes", axes},        {"options", options},
-          {"seconds", seconds}};
+  return {{"id", cell.id}, {"study", study.name}, {"command", cell.command}, {"scene", cell.scene},
+          {"axes", axes},  {"options", options},  {"seconds", seconds}};
 }
 
 // The child's output as the cell's result; an error text where it is none.
