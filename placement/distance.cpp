@@ -10,6 +10,7 @@
 #include <CGAL/AABB_traits.h>
 #endif
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -57,11 +58,27 @@ using Traits = CGAL::AABB_traits_3<Kernel, TrianglePrimitive>;
 using Traits = CGAL::AABB_traits<Kernel, TrianglePrimitive>;
 #endif
 
+using Tree = CGAL::AABB_tree<Traits>;
+
+// A corner of every triangle, each place once: CGAL's tree of points splits space until no more than
+// a few are left together, which never happens where hundreds of thousands coincide.
+std::vector<Tree::Point_and_primitive_id> distinctCorners(
+    const std::vector<TriangleOfScene>& triangles) {
+  std::vector<Tree::Point_and_primitive_id> corners;
+  corners.reserve(triangles.size());
+  for (auto t = triangles.begin(); t != triangles.end(); ++t)
+    corners.emplace_back(TrianglePrimitive(t).reference_point(), t->id);
+  std::sort(corners.begin(), corners.end());
+  const auto same_place = [](const auto& a, const auto& b) { return a.first == b.first; };
+  corners.erase(std::unique(corners.begin(), corners.end(), same_place), corners.end());
+  return corners;
+}
+
 }  // namespace
 
 struct SceneDistance::Impl {
   const Geometry& geometry;
-  CGAL::AABB_tree<Traits> tree;
+  Tree tree;
 };
 
 SceneDistance::SceneDistance(const Geometry& geometry) : impl_(new Impl{geometry, {}}) {
@@ -72,7 +89,8 @@ SceneDistance::SceneDistance(const Geometry& geometry) : impl_(new Impl{geometry
   impl_->tree.insert(triangles.cbegin(), triangles.cend());
   // Both now, not at the first query: queries come from many threads.
   impl_->tree.build();
-  impl_->tree.accelerate_distance_queries();
+  const std::vector<Tree::Point_and_primitive_id> corners = distinctCorners(triangles);
+  impl_->tree.accelerate_distance_queries(corners.begin(), corners.end());
 }
 
 SceneDistance::~SceneDistance() = default;

@@ -43,6 +43,23 @@ TEST(SceneDistance, OfABoxIsTheClosedFormAtAnyScale) {
   }
 }
 
+// A fan whose triangles all begin at one vertex: as many points in one place as there are triangles.
+TEST(SceneDistance, SurvivesAnyNumberOfTrianglesAtOnePlace) {
+  SceneBuilder b;
+  const uint32_t material = b.material(Vec3f(0.5f));
+  constexpr int kTriangles = 200000;
+  for (int i = 0; i < kTriangles; ++i) {
+    const auto angle = [](int k) { return 6.2831853f * static_cast<float>(k) / kTriangles; };
+    const float from = angle(i), to = angle(i + 1);
+    b.triangle({0, 0, 0}, {std::cos(from), 0, std::sin(from)}, {std::cos(to), 0, std::sin(to)},
+               material);
+  }
+  const Scene scene = b.finish();
+  const SceneDistance distance(*scene.geometry);
+  EXPECT_NEAR(distance.clearance({0.3f, 0.25f, 0.1f}), 0.25, 1e-6);
+  EXPECT_NEAR(distance.clearance({2, 0, 0}), 1, 1e-6);
+}
+
 TEST(SceneDistance, OfASphereIsTheClosedFormToTheMeshsSagitta) {
   SceneBuilder b;
   const int levels = 4;
