@@ -18,8 +18,8 @@
 #include "field_setup.h"
 #include "layout_json.h"
 #include "require.h"
+#include "scored_receivers.h"
 #include "table.h"
-#include "truth.h"
 
 namespace probelab {
 namespace {
@@ -29,8 +29,7 @@ constexpr double kWorkingBytes = 1 << 30;  // more than that is said
 struct BudgetOptions {
   SceneOptions scene;
   FieldOptions field;
-  TruthOptions truth;
-  std::string receivers, split = "heldout";
+  ScoredReceiverOptions receivers;
   BudgetRays rays;
 };
 
@@ -67,12 +66,6 @@ void checkOptions(const BudgetOptions& options) {
                options.rays.exact);
 }
 
-Json convergedJson(const ConvergeReport& report) {
-  return {{"burn_in_updates", report.burn_in_updates}, {"mixing_updates", report.mixing_updates},
-          {"average_updates", report.average_updates}, {"settled", report.settled},
-          {"contraction", report.contraction},         {"remaining", report.remaining}};
-}
-
 Json describe(const BudgetOptions& options, FieldSetup& setup, const FieldRun& run,
               const Truth& truth, const BudgetEstimates& estimates) {
   const ProbeField& field = *setup.field;
@@ -100,14 +93,7 @@ Json describe(const BudgetOptions& options, FieldSetup& setup, const FieldRun& r
           {"memory_bytes", field.atlasBytes() + field.stateBytes()},
           {"updates", run.updates},
           {"converged", convergedJson(run.converged.value_or(ConvergeReport{}))},
-          {"receivers",
-           {{"count", truth.receivers.points.size()},
-            {"split", options.split},
-            {"file", options.receivers.empty() ? Json(nullptr) : Json(options.receivers)},
-            {"samples", truth.receivers.samples},
-            {"rel_error", truth.receivers.rel_error},
-            {"seconds", truth.receivers.seconds},
-            {"from_cache", truth.from_cache}}},
+          {"receivers", receiversJson(options.receivers, truth)},
           {"ray_proxy", proxyJson(setup.proxy.get())},
           {"device", setup.gpu.info().name},
           {"tracer", field.tracerName()},
@@ -180,13 +166,10 @@ void printResult(const Json& r) {
 
 void runBudget(const BudgetOptions& options, const Invocation& invocation) {
   checkOptions(options);
-  const ScoredSplit split = parseScoredSplit(options.split);
+  const ScoredSplit split = parseScoredSplit(options.receivers.split);
   FieldSetup setup(options.scene, options.field, invocation);
   checkRequirementNames(invocation.common.require, outlineOf(options, setup));
-  const Truth truth =
-      options.receivers.empty()
-          ? obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation)
-          : Truth{readReceivers(options.receivers, setup.scene), false};
+  const Truth truth = obtainTruth(options.receivers, setup, invocation);
   const Receivers scored = scoredReceivers(truth.receivers, split);
   if (!(meanReference(scored, ScoredSplit::all) > 0))
     throwInput("{}: no scored receiver gets light in state {}, so there is no error to part",
@@ -218,21 +201,7 @@ void addBudgetCommand(Program& program) {
       [options](const Invocation& invocation) { runBudget(*options, invocation); });
   addSceneOptions(app, options->scene, false);
   addFieldOptions(app, options->field);
-  CLI::Option* receivers =
-      app.add_option(
-             "--receivers", options->receivers,
-             "receivers with truth, as 'probelab receivers' writes (default: traced, or from "
-             "the cache)")
-          ->type_name("R.json")
-          ->group("Receivers");
-  app.add_option("--split", options->split,
-                 "receivers that are scored: heldout, train (those for fitting) or all")
-      ->type_name("PART")
-      ->check(CLI::IsMember({"heldout", "train", "all"}).description(""))
-      ->capture_default_str()
-      ->group("Receivers");
-  addTruthOptions(app, options->truth);
-  for (const char* other : {"--count", "--points"}) receivers->excludes(app.get_option(other));
+  addScoredReceiverOptions(app, options->receivers);
   app.add_option("--exact-rays", options->rays.exact,
                  "paths a probe for the rungs without finite rays, half of them in either of two "
                  "estimates whose product has no noise")

@@ -18,8 +18,8 @@
 #include "field_setup.h"
 #include "layout_json.h"
 #include "require.h"
+#include "scored_receivers.h"
 #include "table.h"
-#include "truth.h"
 
 namespace probelab {
 namespace {
@@ -27,26 +27,9 @@ namespace {
 struct EvaluateOptions {
   SceneOptions scene;
   FieldOptions field;
-  TruthOptions truth;
-  std::string receivers, split = "heldout", dump, dump_field, ablation;
+  ScoredReceiverOptions receivers;
+  std::string dump, dump_field, ablation;
 };
-
-Json convergedJson(const std::optional<ConvergeReport>& report) {
-  if (!report) return nullptr;
-  return {{"burn_in_updates", report->burn_in_updates}, {"mixing_updates", report->mixing_updates},
-          {"average_updates", report->average_updates}, {"settled", report->settled},
-          {"contraction", report->contraction},         {"remaining", report->remaining}};
-}
-
-Json receiversJson(const EvaluateOptions& options, const Receivers& receivers, bool from_cache) {
-  return {{"count", receivers.points.size()},
-          {"split", options.split},
-          {"file", options.receivers.empty() ? Json(nullptr) : Json(options.receivers)},
-          {"samples", receivers.samples},
-          {"rel_error", receivers.rel_error},
-          {"seconds", receivers.seconds},
-          {"from_cache", from_cache}};
-}
 
 Json describe(const EvaluateOptions& options, FieldSetup& setup, const FieldRun& run) {
   const ProbeField& field = *setup.field;
@@ -110,7 +93,7 @@ Json outlineOf(const EvaluateOptions& options, FieldSetup& setup) {
   if (!temporal) run.converged = ConvergeReport{};
   Json outline = describe(options, setup, run);
   outline.update(scoreOutline());
-  outline["receivers"] = receiversJson(options, {}, false);
+  outline["receivers"] = receiversJson(options.receivers, {});
   if (temporal) outline["temporal"] = Json::object();
   outline["provenance"] = toJson(setup.provenance);
   return outline;
@@ -172,12 +155,6 @@ void warnOf(const Json& result, const Invocation& invocation) {
          result["stability"]["clamped"].get<uint64_t>());
 }
 
-Truth loadTruth(const EvaluateOptions& options, const SceneSetup& setup,
-                const Invocation& invocation) {
-  if (!options.receivers.empty()) return {readReceivers(options.receivers, setup.scene), false};
-  return obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation);
-}
-
 void printAblation(const Json& r) {
   fmt::print(
       "{}",
@@ -193,11 +170,11 @@ void printAblation(const Json& r) {
 }
 
 void runAblationCommand(const EvaluateOptions& options, const Invocation& invocation) {
-  const ScoredSplit split = parseScoredSplit(options.split);
+  const ScoredSplit split = parseScoredSplit(options.receivers.split);
   const Ablation ablation = loadAblation(options.ablation);
   const std::vector<AblationCase> cases = resolveAblation(ablation, options.field);
   SceneSetup setup(options.scene, invocation);
-  const Truth truth = loadTruth(options, setup, invocation);
+  const Truth truth = obtainTruth(options.receivers, setup, invocation);
   const Json rows = runAblation(setup, cases, truth.receivers, split, invocation);
   requireNoValidationMessages(setup.gpu);
   Json result = {
@@ -207,7 +184,7 @@ void runAblationCommand(const EvaluateOptions& options, const Invocation& invoca
       {"layout", options.field.layout.empty() ? Json(nullptr) : Json(options.field.layout)},
       {"params", toJson(cases.front().params)},
       {"mode", options.field.mode},
-      {"receivers", receiversJson(options, truth.receivers, truth.from_cache)},
+      {"receivers", receiversJson(options.receivers, truth)},
       {"error", rows["ablation"][0]["error"]},
       {"speed", rows["ablation"][0]["speed"]},
       {"name", ablation.name},
@@ -223,12 +200,12 @@ void runAblationCommand(const EvaluateOptions& options, const Invocation& invoca
 
 void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   if (!options.ablation.empty()) return runAblationCommand(options, invocation);
-  const ScoredSplit split = parseScoredSplit(options.split);
+  const ScoredSplit split = parseScoredSplit(options.receivers.split);
   if (!options.dump.empty()) checkOutput(options.dump, ".csv");
   if (!options.dump_field.empty()) checkDumpFolder(options.dump_field);
   FieldSetup setup(options.scene, options.field, invocation);
   checkRequirementNames(invocation.common.require, outlineOf(options, setup));
-  const Truth truth = loadTruth(options, setup, invocation);
+  const Truth truth = obtainTruth(options.receivers, setup, invocation);
   ProbeField& field = *setup.field;
   const bool temporal = options.field.mode == "temporal";
   TemporalRecord record(field, truth.receivers, split);
@@ -238,7 +215,7 @@ void runEvaluate(const EvaluateOptions& options, const Invocation& invocation) {
   const Counters before = field.counters();
   const std::vector<Vec3f> estimates = queryReceivers(field, truth.receivers);
   Json result = describe(options, setup, run);
-  result["receivers"] = receiversJson(options, truth.receivers, truth.from_cache);
+  result["receivers"] = receiversJson(options.receivers, truth);
   result["error"] = toJson(scoreEstimates(estimates, truth.receivers, split));
   result["stability"] = stabilityJson(before, field.counters());
   result["speed"] = measureSpeed(field, run, truth.receivers);
@@ -265,21 +242,7 @@ void addEvaluateCommand(Program& program) {
   addSceneOptions(app, options->scene, false);
   addFieldOptions(app, options->field);
   addValuesOption(app, options->field);
-  CLI::Option* receivers =
-      app.add_option(
-             "--receivers", options->receivers,
-             "receivers with truth, as 'probelab receivers' writes (default: traced, or from "
-             "the cache)")
-          ->type_name("R.json")
-          ->group("Receivers");
-  app.add_option("--split", options->split,
-                 "receivers that are scored: heldout, train (those for fitting) or all")
-      ->type_name("PART")
-      ->check(CLI::IsMember({"heldout", "train", "all"}).description(""))
-      ->capture_default_str()
-      ->group("Receivers");
-  addTruthOptions(app, options->truth);
-  for (const char* other : {"--count", "--points"}) receivers->excludes(app.get_option(other));
+  addScoredReceiverOptions(app, options->receivers);
   app.add_option("--dump", options->dump,
                  "every receiver with estimate and truth (irradiance; metres)")
       ->type_name("EST.csv")
