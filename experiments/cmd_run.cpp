@@ -96,7 +96,7 @@ Json outcomeJson(const Study& study, const StudyRun& run, const StudyOutcome& ou
 }
 
 void runStudy(const RunOptions& options, const Invocation& invocation) {
-  const Study study = loadStudy(options.study, {options.size, options.scale});
+  const Study study = loadStudy(options.study, {options.size, options.scale, invocation.common.device});
   const StudyRun run = {resultsFolder(options), options.jobs};
   if (options.list) {
     const Json cells = listJson(study, run);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 
@@ -11,6 +12,7 @@
 #include "base/error.h"
 #include "base/files.h"
 #include "base/hash.h"
+#include "base/suggest.h"
 #include "scene/load.h"
 #include "study_plan.h"
 
@@ -19,9 +21,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Options that name a file of the cell's own folder, and those that name an input.
-const std::set<std::string> kOutputs = {"output", "report", "bias-map", "fit-values", "glb"};
-const std::set<std::string> kInputs = {"layout", "params", "ablation", "receivers", "values"};
+// Options that name a file or an existing folder of the cell's own folder, and those that name an
+// input.
+const std::set<std::string> kOutputFiles = {"output", "bias-map", "fit-values", "glb", "dump"};
+const std::set<std::string> kOutputFolders = {"report", "dump-field"};
+const std::set<std::string> kInputs = {"layout", "params", "ablation", "receivers",
+                                       "values", "from",   "against",  "points"};
+const std::string kPathOption = "path=";  // of --option
 constexpr std::size_t kMostCells = 100000;
 
 // Options of a list are all given, others replace what was there.
@@ -35,13 +41,38 @@ void addOptions(OptionValues& options, const OptionValues& more) {
   }
 }
 
+bool isOutput(const std::string& option) {
+  return kOutputFiles.contains(option) || kOutputFolders.contains(option);
+}
+
+// "cornell", "thin_wall/scene_05cm": as much of the end of each path as makes the names differ.
+std::vector<std::string> sceneNames(const std::vector<std::string>& paths) {
+  const auto nameOf = [](const fs::path& path, int folders) {
+    fs::path name = path.stem() == "scene" ? fs::path() : path.stem();
+    fs::path folder = path.parent_path();
+    for (int i = 0; i < folders; ++i, folder = folder.parent_path())
+      name = name.empty() ? folder.filename() : folder.filename() / name;
+    return name.generic_string();
+  };
+  constexpr int kMostFolders = 32;
+  std::vector<std::string> names;
+  for (int folders = 1; folders < kMostFolders; ++folders) {
+    names.clear();
+    for (const std::string& path : paths) names.push_back(nameOf(fs::absolute(path), folders));
+    if (std::set<std::string>(names.begin(), names.end()).size() == paths.size()) break;
+  }
+  return names;
+}
+
 class Expansion {
  public:
-  Expansion(const StudyPlan& plan, const fs::path& study)
-      : plan_(plan), study_(study.string()), folder_(study.parent_path()) {}
+  Expansion(const StudyPlan& plan, const fs::path& study, const std::string& device)
+      : plan_(plan), study_(study.string()), folder_(study.parent_path()), device_(device) {}
 
   std::vector<StudyCell> cells() {
-    for (const std::string& path : plan_.scenes) {
+    const std::vector<std::string> names = sceneNames(plan_.scenes);
+    for (std::size_t i = 0; i < plan_.scenes.size(); ++i) {
+      const std::string& path = plan_.scenes[i];
       const Scene scene = loadScene(path);
       for (const std::string& state : statesOf(scene)) {
         StudyCell cell;
@@ -49,21 +80,20 @@ class Expansion {
         cell.scene = path;
         cell.options = plan_.options;
         if (!state.empty()) cell.options["state"] = {state};
-        cell.axes = {{"scene", nameOf(path)}, {"state", state.empty() ? scene.state : state}};
+        cell.axes = {{"scene", names[i]}, {"state", state.empty() ? scene.state : state}};
         addAxes(cell, 0, scene.content_hash);
       }
     }
+    for (const std::string& state : plan_.states)
+      if (plan_.named_states && !seen_states_.contains(state))
+        throwInput("{}: no scene has the state '{}'{}", study_, state,
+                   suggestion(state, std::vector<std::string>(other_states_.begin(),
+                                                              other_states_.end())));
     return std::move(cells_);
   }
 
  private:
-  // "cornell", "thin_wall/scene_05cm": what is short and differs.
-  static std::string nameOf(const fs::path& path) {
-    const std::string folder = path.parent_path().filename().string();
-    return path.stem() == "scene" ? folder : folder + "/" + path.stem().string();
-  }
-
-  std::vector<std::string> statesOf(const Scene& scene) const {
+  std::vector<std::string> statesOf(const Scene& scene) {
     if (plan_.states.empty() || scene.states.empty()) return {""};
     std::vector<std::string> names;
     for (const LightingState& state : scene.states) {
@@ -73,6 +103,7 @@ class Expansion {
                                              : plan_.states.front() == "all" ||
                                                    (plan_.states.front() == "heldout") == heldout;
       if (wanted) names.push_back(state.name);
+      (wanted ? seen_states_ : other_states_).insert(state.name);
     }
     if (names.empty()) throwInput("{}: {} has none of the study's states", study_, scene.path);
     return names;
@@ -94,6 +125,10 @@ class Expansion {
       next.options["seed"] = {seed};
       next.axes.push_back({"seed", seed});
       identify(next, scene_hash);
+      const auto [same, is_new] = ids_.try_emplace(next.id, axesText(next));
+      if (!is_new)
+        throwInput("{}: the cells '{}' and '{}' are one and the same; an axis has no effect",
+                   study_, same->second, axesText(next));
       cells_.push_back(std::move(next));
       if (cells_.size() > kMostCells) throwInput("the study has more than {} cells", kMostCells);
     }
@@ -101,23 +136,40 @@ class Expansion {
 
   // Inputs lie beside the study; their bytes are part of the identity, their place is not.
   void identify(StudyCell& cell, const std::string& scene_hash) {
-    Json key = {{"command", cell.command}, {"scene", scene_hash}, {"version", buildInfo().version}};
+    Json key = {{"command", cell.command},
+                {"scene", scene_hash},
+                {"version", buildInfo().version},
+                {"device", device_}};
     for (auto& [name, values] : cell.options) {
       Json texts = Json::array();
-      for (std::string& value : values) {
-        const fs::path beside = folder_ / value;
-        const bool file = kInputs.contains(name) && fs::is_regular_file(beside);
-        texts.push_back(file ? contentHash(readFile(beside)) : value);
-        if (file) value = beside.lexically_normal().string();
-      }
+      for (std::string& value : values) texts.push_back(identifyValue(name, value));
       key["options"][name] = texts;
     }
+    for (const bool folders : {false, true})
+      for (const fs::path& output : cellOutputs(cell, folders))
+        if (output.empty() || output.is_absolute() || *output.lexically_normal().begin() == "..")
+          throwInput("{}: output '{}' must be a name within the cell's own folder", study_,
+                     output.string());
     cell.id = contentHash(key.dump()).substr(0, 16);
+  }
+
+  // What stands for a value in the identity; the value of an input becomes its path.
+  std::string identifyValue(const std::string& name, std::string& value) const {
+    const bool path_option = name == "option" && value.starts_with(kPathOption);
+    if (!path_option && !kInputs.contains(name)) return value;
+    const std::string prefix = path_option ? kPathOption : "";
+    const fs::path beside = folder_ / value.substr(prefix.size());
+    if (!fs::is_regular_file(beside)) return value;
+    value = prefix + beside.lexically_normal().string();
+    return prefix + contentHash(readFile(beside));
   }
 
   const StudyPlan& plan_;
   std::string study_;
   fs::path folder_;
+  std::string device_;
+  std::set<std::string> seen_states_, other_states_;
+  std::map<std::string, std::string> ids_;  // and the cell's axes
   std::vector<StudyCell> cells_;
 };
 
@@ -132,15 +184,22 @@ Study loadStudy(const fs::path& path, const StudySelection& selection) {
   study.axes = {"scene", "state"};
   for (const StudyAxis& axis : plan.axes) study.axes.push_back(axis.name);
   study.axes.push_back("seed");
-  study.cells = Expansion(plan, path).cells();
-  std::set<std::string> ids;
-  std::erase_if(study.cells, [&](const StudyCell& cell) { return !ids.insert(cell.id).second; });
+  study.cells = Expansion(plan, path, selection.device).cells();
   return study;
 }
 
-bool writesFiles(const StudyCell& cell) {
-  return std::ranges::any_of(cell.options,
-                             [](const auto& option) { return kOutputs.contains(option.first); });
+std::string axesText(const StudyCell& cell) {
+  std::string text;
+  for (const auto& [name, value] : cell.axes) text += (text.empty() ? "" : ", ") + value;
+  return text;
+}
+
+std::vector<fs::path> cellOutputs(const StudyCell& cell, bool folders) {
+  std::vector<fs::path> outputs;
+  for (const auto& [name, values] : cell.options)
+    if ((folders ? kOutputFolders : kOutputFiles).contains(name))
+      outputs.insert(outputs.end(), values.begin(), values.end());
+  return outputs;
 }
 
 std::vector<std::string> cellArguments(const StudyCell& cell, const fs::path& files) {
@@ -148,7 +207,7 @@ std::vector<std::string> cellArguments(const StudyCell& cell, const fs::path& fi
   for (const auto& [name, values] : cell.options)
     for (const std::string& value : values) {
       arguments.push_back(name == "output" ? "-o" : "--" + name);
-      if (kOutputs.contains(name))
+      if (isOutput(name))
         arguments.push_back((files / value).string());
       else if (!value.empty())
         arguments.push_back(value);

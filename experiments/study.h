@@ -26,7 +26,8 @@
 //   seeds = [1]
 //   axes = { probes = [64] }
 //
-// `output` and `report` among the options are files of the cell's own folder.
+// Inputs (`params`, `layout`, ...) lie beside the study. Outputs (`output`, `report`, `dump`, ...)
+// are names within the cell's own folder.
 #pragma once
 
 #include <cstdint>
@@ -56,15 +57,20 @@ struct Study {
 };
 
 struct StudySelection {
-  std::string size;  // empty: the whole study
-  int scale = 1;     // times the seeds and the receivers
+  std::string size;         // empty: the whole study
+  int scale = 1;            // times the seeds and the receivers
+  std::string device = {};  // --device; results of another one are other results
 };
 
 // Reads and expands a study. Throws InputError naming file, line and element.
 Study loadStudy(const std::filesystem::path& path, const StudySelection& selection);
 
-// Whether the cell's command writes files besides its result.
-bool writesFiles(const StudyCell& cell);
+// "cornell, noon, 64, 1".
+std::string axesText(const StudyCell& cell);
+
+// What the cell's command writes besides its result, within the cell's folder: files, or folders
+// that must be there before.
+std::vector<std::filesystem::path> cellOutputs(const StudyCell& cell, bool folders);
 
 // The command line of a cell after the program's name; outputs go to `files`.
 std::vector<std::string> cellArguments(const StudyCell& cell, const std::filesystem::path& files);

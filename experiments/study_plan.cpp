@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <map>
 #include <set>
 
 #include "base/error.h"
@@ -22,8 +23,8 @@ const std::vector<std::string> kStudyKeys = {"about", "command", "scenes", "stat
 const std::vector<std::string> kAxisKeys = {"name", "option", "values", "value"};
 const std::vector<std::string> kValueKeys = {"name", "options"};
 const std::vector<std::string> kSizeKeys = {"scenes", "states", "seeds", "axes", "options"};
-const std::vector<std::string> kCommands = {"evaluate", "tune",  "budget",
-                                            "bench",    "place", "stability"};
+const std::vector<std::string> kCommands = {"evaluate", "tune", "budget", "bench", "place"};
+constexpr std::size_t kMostSeeds = 10000;
 const std::vector<std::string> kStateChoices = {"all", "train", "heldout"};
 
 // A TOML file while it is read: for messages.
@@ -58,10 +59,10 @@ struct Reader {
   }
   // A number, text or switch as it stands on a command line.
   std::string scalar(const toml::node& node, const std::string& what) const {
-    if (const auto value = node.value_exact<std::string>()) return *value;
+    if (const auto value = node.value_exact<std::string>(); value && !value->empty()) return *value;
     if (const auto value = node.value_exact<int64_t>()) return fmt::format("{}", *value);
     if (const auto value = node.value_exact<double>()) return fmt::format("{}", *value);
-    throwInput("{}: {} must be a number or a text", at(node), what);
+    throwInput("{}: {} must be a number or a text, and not empty", at(node), what);
   }
   std::vector<std::string> optionValues(const toml::node& node, const std::string& name) const {
     if (const auto flag = node.value_exact<bool>())
@@ -77,7 +78,8 @@ struct Reader {
     OptionValues options;
     for (const auto& [key, value] : *node.as_table()) {
       const std::string name(key.str());
-      for (const char* reserved : {"seed", "state", "json", "cache", "require", "scene"})
+      for (const char* reserved :
+           {"seed", "state", "json", "cache", "require", "scene", "threads", "device", "quiet"})
         if (name == reserved)
           throwInput("{}: '{}' is not for options{}", at(value), name,
                      name == "seed"    ? "; write seeds = [...]"
@@ -93,6 +95,8 @@ struct Reader {
       const auto value = element.value_exact<int64_t>();
       if (!value || *value < 0) throwInput("{}: seeds must be whole numbers from 0", at(element));
       seeds.push_back(fmt::format("{}", *value));
+      if (std::count(seeds.begin(), seeds.end(), seeds.back()) > 1)
+        throwInput("{}: seed {} stands twice", at(element), *value);
     }
     return seeds;
   }
@@ -161,7 +165,10 @@ StudyPlan readPlan(const Reader& read, const toml::table& table) {
     const fs::path path = fs::path(read.path).parent_path() / scene;
     if (!fs::exists(path))
       throwInput("{}: scene '{}' is not there", read.at(need("scenes")), scene);
-    plan.scenes.push_back(path.lexically_normal().string());
+    const std::string normal = path.lexically_normal().string();
+    plan.scenes.push_back(normal.starts_with('-') ? "./" + normal : normal);
+    if (std::count(plan.scenes.begin(), plan.scenes.end(), plan.scenes.back()) > 1)
+      throwInput("{}: scene '{}' stands twice", read.at(need("scenes")), scene);
   }
   if (const toml::node* states = table.get("states")) readStates(read, *states, plan);
   plan.seeds = read.seeds(need("seeds"));
@@ -234,10 +241,25 @@ void applySize(const Reader& read, const toml::table& table, const std::string& 
   }
 }
 
+// An option that two axes set would be the later one's, whatever the earlier one says.
+void checkAxes(const Reader& read, const StudyPlan& plan) {
+  std::map<std::string, std::string> set_by;
+  for (const StudyAxis& axis : plan.axes)
+    for (const StudyAxisValue& value : axis.values)
+      for (const auto& [option, values] : value.options) {
+        if (option == "set" || option == "option") continue;
+        const auto [other, is_new] = set_by.try_emplace(option, axis.name);
+        if (!is_new && other->second != axis.name)
+          throwInput("{}: the axes '{}' and '{}' both set '{}'", read.path, other->second,
+                     axis.name, option);
+      }
+}
+
 // More seeds, and more receivers, for machines that can afford them.
 void applyScale(int scale, StudyPlan& plan) {
   std::set<std::string> seeds(plan.seeds.begin(), plan.seeds.end());
   const std::size_t wanted = plan.seeds.size() * static_cast<std::size_t>(scale);
+  if (wanted > kMostSeeds) throwInput("--scale {}: more than {} seeds", scale, kMostSeeds);
   for (int next = 1; plan.seeds.size() < wanted; ++next)
     if (seeds.insert(std::to_string(next)).second) plan.seeds.push_back(std::to_string(next));
   const auto count = plan.options.find("count");
@@ -259,6 +281,7 @@ StudyPlan readStudyPlan(const fs::path& path, const StudySelection& selection) {
     throwInput("{}:{}: {}", path.string(), error.source().begin.line, error.description());
   }
   StudyPlan plan = readPlan(read, table);
+  checkAxes(read, plan);
   if (!selection.size.empty()) applySize(read, table, selection.size, plan);
   applyScale(selection.scale, plan);
   return plan;

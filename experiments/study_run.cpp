@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -87,7 +88,10 @@ Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& p
   child.cell = &cell;
   child.output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, getpid());
   child.log = run.folder / "logs" / (cell.id + ".txt");
-  if (writesFiles(cell)) makeFolder(run.folder / "files" / cell.id);
+  const fs::path files = run.folder / "files" / cell.id;
+  for (const fs::path& output : cellOutputs(cell, false))
+    makeFolder((files / output).parent_path());
+  for (const fs::path& output : cellOutputs(cell, true)) makeFolder(files / output);
   std::vector<std::string> words = {program};
   for (std::string& word : childArguments(cell, run, common)) words.push_back(std::move(word));
   std::vector<char*> argv;
@@ -136,10 +140,16 @@ std::string keepResult(const Study& study, const StudyRun& run, const Child& chi
   return "";
 }
 
-std::string axesText(const StudyCell& cell) {
-  std::string text;
-  for (const auto& [name, value] : cell.axes) text += (text.empty() ? "" : ", ") + value;
-  return text;
+// Removes what runs that were killed have left.
+void removeLeftOvers(const fs::path& cells) {
+  for (const fs::directory_entry& entry : fs::directory_iterator(cells)) {
+    const std::string name = entry.path().filename().string();  // .<id>.<process>.out
+    if (!name.starts_with('.') || !name.ends_with(".out")) continue;
+    const std::size_t dot = name.find('.', 1);
+    const int process = dot == std::string::npos ? 0 : std::atoi(name.c_str() + dot + 1);
+    std::error_code ec;
+    if (process > 0 && kill(process, 0) != 0) fs::remove(entry.path(), ec);
+  }
 }
 
 class CellRunner {
@@ -152,6 +162,7 @@ class CellRunner {
     makeFolder(run_.folder / "cells");
     makeFolder(run_.folder / "logs");
     checkWritable(run_.folder / "cells" / "x");
+    removeLeftOvers(run_.folder / "cells");
     std::vector<const StudyCell*> missing;
     for (const StudyCell* cell : cells)
       readCell(run_, *cell) ? void(++outcome_.found) : missing.push_back(cell);
@@ -275,8 +286,14 @@ std::optional<Json> readCell(const StudyRun& run, const StudyCell& cell) {
   std::error_code ec;
   if (!fs::is_regular_file(path, ec)) return std::nullopt;
   Json json = Json::parse(readTextFile(path), nullptr, false);
-  if (!json.is_object() || !json.contains("cell") || json["cell"].value("id", "") != cell.id)
+  if (!json.is_object() || json.size() < 2) return std::nullopt;
+  const auto own = json.find("cell");
+  if (own == json.end() || !own->is_object()) return std::nullopt;
+  const auto id = own->find("id"), seconds = own->find("seconds");
+  if (id == own->end() || *id != cell.id || seconds == own->end() || !seconds->is_number())
     return std::nullopt;
+  for (const fs::path& output : cellOutputs(cell, false))
+    if (!fs::exists(run.folder / "files" / cell.id / output, ec)) return std::nullopt;
   return json;
 }
 

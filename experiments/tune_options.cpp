@@ -8,8 +8,9 @@
 #include <filesystem>
 
 #include "base/error.h"
+#include "base/files.h"
 #include "common_options.h"
-#include "field_dump.h"
+#include "tuning/values_file.h"
 
 namespace probelab {
 namespace {
@@ -37,6 +38,9 @@ void protectFiles(const TuneOptions& options) {
   for (const std::string& file :
        {options.of.field.params, options.of.receivers, options.of.field.layout})
     inputs.push_back(file);
+  inputs.insert(inputs.end(), options.against.begin(), options.against.end());
+  for (const std::string& option : options.of.field.option)  // files that strategies read
+    inputs.push_back(option.substr(option.find('=') + 1));
   for (const std::string& output : outputsOf(options))
     for (const std::string& input : inputs) {
       std::error_code ec;  // a file that is missing is not the same as another
@@ -44,6 +48,14 @@ void protectFiles(const TuneOptions& options) {
         throwInput("{}: is read by this command; name another output", output);
     }
   std::error_code ec;
+  if (!options.fit_values.empty() && fs::exists(options.fit_values, ec)) {
+    try {
+      readValues(options.fit_values);
+    } catch (const InputError&) {
+      throwInput("{}: exists already and holds no fitted values; name another output",
+                 options.fit_values);
+    }
+  }
   if (!fs::exists(options.output, ec)) return;
   try {
     loadParams(options.output);
@@ -75,7 +87,11 @@ void checkOutputs(const TuneOptions& options) {
   checkOutput(options.output, ".toml");
   if (!options.bias_map.empty()) checkOutput(options.bias_map, ".csv");
   if (!options.fit_values.empty()) checkOutput(options.fit_values, ".json");
-  if (!options.report.empty()) checkDumpFolder(options.report);
+  if (!options.report.empty()) {
+    if (!fs::is_directory(options.report))
+      throwInput("--report {}: no such folder; make it first", options.report);
+    checkWritable(fs::path(options.report) / "tune.json");
+  }
   protectFiles(options);
 }
 

@@ -288,8 +288,9 @@ std::string formatOutcome(const TuneOutcome& o) {
         fmt::format("{} a state", o.scenes.front()->states.front().receivers.points.size())},
        {"device", fmt::format("{}, tracer {}", o.provenance.device, o.provenance.tracer)},
        {"starts", formatStarts(t.first)},
-       {"settled", t.settled ? fmt::format("after {} rounds", t.rounds.size())
-                             : fmt::format("no: --rounds {} were used up", t.rounds.size())}});
+       {"settled", o.names.empty() ? std::string("nothing was to be tuned")
+                   : t.settled     ? fmt::format("after {} rounds", t.rounds.size())
+                               : fmt::format("no: --rounds {} were used up", t.rounds.size())}});
   if (!t.rounds.empty()) text += "\n" + formatRounds(t);
   if (!o.names.empty()) text += "\n" + formatParameters(o);
   text += formatScores(o.scores);

@@ -386,6 +386,8 @@ def main():
         print(f"placement: {len(others)} rows were made with other settings and do not count",
               file=sys.stderr)
     rows = [r for r in rows if r["settings"] == settings_of(study)]
+    if not options.report:  # budgets that were asked for count though the study has others
+        study = study | {"probes": sorted({*study["probes"], *options.narrowed["probes"]})}
     text = report(study, rows, failures)
     (folder / "placement.md").write_text(text)
     note = write_figure(study, rows, folder)

@@ -249,6 +249,8 @@ def main():
         print(f"tuning: {len(others)} rows were made with other settings and do not count",
               file=sys.stderr)
     rows = [r for r in rows if r["settings"] == identity(study)]
+    if not options.report:  # budgets that were asked for count though the study has others
+        study = study | {"probes": sorted({*study["probes"], *options.narrowed["probes"]})}
     text = report(study, rows, failures)
     (folder / "tuning.md").write_text(text)
     first = [f"{scene_name(s)}_{n}_{study['seeds'][0]}" for s in study["scenes"]

@@ -218,3 +218,56 @@ class RunTest(CliTest):
         folder.chmod(0o500)
         self.assertIn("out", self.run_fails(2, "run", "study.toml", "--size", "smoke", "--results",
                                             "out"))
+
+    def test_what_would_mislead_is_refused(self):
+        def expect(text, *parts):
+            self.write(text)
+            error = self.run_fails(2, "run", "study.toml", "--list")
+            for part in parts:
+                self.assertIn(part, error)
+        expect(STUDY.replace('name = "grid"', 'name = "grid"\noptions = { probes = 3 }'),
+               "'probes' and 'layout' both set 'probes'")
+        expect(STUDY.replace("[1, 2]", "[1, 1]"), "seed 1 stands twice")
+        expect(STUDY.replace('["room.toml"]', '["room.toml", "./room.toml"]'), "stands twice")
+        expect(STUDY.replace('"all"', '["day", "nigth"]'), "'nigth'", "did you mean 'night'")
+        expect(STUDY.replace('options = { strategy = "jittered" }', ""), "one and the same")
+        expect(STUDY.replace("count = 32", 'dump = "/tmp/x.csv"'), "within the cell's own folder")
+        expect(STUDY.replace("count = 32", 'dump = "../x.csv"'), "within the cell's own folder")
+        expect(STUDY.replace("count = 32", "threads = 1"), "'threads' is not for options")
+        expect(STUDY.replace("count = 32", 'params = ""'), "not empty")
+        self.write(STUDY)
+        self.assertIn("more than 10000 seeds",
+                      self.run_fails(2, "run", "study.toml", "--scale", "2000000000"))
+
+    def test_scenes_of_one_name_are_told_apart(self):
+        for name in ("a", "b"):
+            folder = self.folder / name / "room"
+            folder.mkdir(parents=True)
+            write_glb(folder / "room.glb", emission=(1.0, 0.5, 0.25 if name == "a" else 0.5))
+            (folder / "scene.toml").write_text(SCENE)
+        self.write(STUDY.replace('["room.toml"]', '["a/room/scene.toml", "b/room/scene.toml"]'))
+        names = {c["axes"]["scene"] for c in self.study("--list")["list"]}
+        self.assertEqual(names, {"a/room", "b/room"})
+
+    def test_inputs_lie_beside_the_study_and_count_by_content(self):
+        text = STUDY.replace("count = 32", 'points = "p.csv"').replace("spp = 16", "spp = 8")
+        (self.folder / "deep").mkdir()
+        (self.folder / "deep/study.toml").write_text(text.replace("room.toml", "../room.toml"))
+        points = self.folder / "deep/p.csv"
+        points.write_text("0,1,0,0,1,0\n0.5,1,0,0,1,0\n")
+        words = ("run", "deep/study.toml", "--cache", "cache", "--results", "out", "--size", "smoke")
+        self.assertEqual(self.run_json(*words)["done"], 2)
+        self.assertEqual(self.run_json(*words)["found"], 2)
+        points.write_text("0,1,0,0,1,0\n")
+        self.assertEqual(self.run_json(*words)["done"], 2)
+
+    def test_damaged_cells_and_lost_outputs_are_made_again(self):
+        self.write(STUDY.replace("count = 32", 'count = 32\ndump = "e.csv"'))
+        self.assertEqual(self.study("--size", "smoke")["done"], 2)
+        for damage in ('{"cell": 5, "x": 1}', '{"cell": {"id": 3}, "x": 1}', ""):
+            next((self.folder / "out/cells").glob("*.json")).write_text(damage)
+            self.assertEqual(self.study("--size", "smoke")["done"], 1, damage)
+        dump = next((self.folder / "out/files").rglob("e.csv"))
+        dump.unlink()
+        self.assertEqual(self.study("--size", "smoke")["done"], 1)
+        self.assertTrue(dump.is_file())
