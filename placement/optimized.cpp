@@ -131,7 +131,7 @@ const Strategy kOptimizedStrategy = {
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
         {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
         {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
-        {"coverage", "4", "0 .. 1e6",
+        {"coverage", "0", "0 .. 1e6",
          "cost of gaps between probes, for light that may fall anywhere"},
         {"covered", "0.9", "0.1 .. 10",
          "no gap: the 4th nearest visible probe is within this, x mean spacing"},
