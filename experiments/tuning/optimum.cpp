@@ -17,7 +17,8 @@ using Point = std::vector<double>;
 using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr double kFirstStep = 0.08, kLastStep = 1e-3;
-constexpr double kLeastGain = 1e-9;  // relative, for a step to count
+constexpr double kLeastGain = 1e-6;  // relative, for a step to count
+constexpr int kMostPolish = 1000;    // evaluations
 // A direction along which the residuals change less than this share of the strongest is unbound.
 constexpr double kUnbound = 1e-7;
 
@@ -150,6 +151,7 @@ SolvePath polishOptimum(const TuneObjective& objective, const SolveStep& start,
   path.ended = "no step of 0.001 of the range lowers the cost";
   const std::vector<Point> directions = directionsAt(objective, start.x);
   SolveStep best = start;
+  int evaluations = 0;
   for (double step = kFirstStep; step >= kLastStep; step /= 2) {
     bool improved = true;
     while (improved) {
@@ -158,6 +160,10 @@ SolvePath polishOptimum(const TuneObjective& objective, const SolveStep& start,
         for (const double sign : {1.0, -1.0}) {
           const Point x = moved(best.x, direction, sign * step);
           if (x == best.x) continue;
+          if (++evaluations > kMostPolish) {
+            path.ended = "evaluations spent";
+            return path;
+          }
           const double there = cost(x);
           if (!(there < best.cost * (1 - kLeastGain))) continue;
           best = {x, there};
