@@ -231,7 +231,7 @@ class RunTest(CliTest):
         expect(STUDY.replace('["room.toml"]', '["room.toml", "./room.toml"]'), "stands twice")
         expect(STUDY.replace('"all"', '["day", "nigth"]'), "'nigth'", "did you mean 'night'")
         expect(STUDY.replace('options = { strategy = "jittered" }', ""), "one and the same")
-        expect(STUDY.replace("count = 32", 'dump = "/tmp/x.csv"'), "within the cell's own folder")
+        expect(STUDY.replace("count = 32", 'dump = "/elsewhere/x.csv"'), "within the cell's own folder")
         expect(STUDY.replace("count = 32", 'dump = "../x.csv"'), "within the cell's own folder")
         expect(STUDY.replace("count = 32", "threads = 1"), "'threads' is not for options")
         expect(STUDY.replace("count = 32", 'params = ""'), "not empty")
