@@ -10,7 +10,6 @@
 #include "base/error.h"
 #include "base/files.h"
 #include "base/progress.h"
-#include "base/suggest.h"
 #include "commands.h"
 #include "common_options.h"
 #include "require.h"

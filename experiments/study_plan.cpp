@@ -78,8 +78,8 @@ struct Reader {
     OptionValues options;
     for (const auto& [key, value] : *node.as_table()) {
       const std::string name(key.str());
-      for (const char* reserved :
-           {"seed", "state", "json", "cache", "require", "scene", "threads", "device", "quiet"})
+      for (const char* reserved : {"seed", "state", "json", "cache", "require", "scene", "threads",
+                                   "device", "quiet", "validation"})
         if (name == reserved)
           throwInput("{}: '{}' is not for options{}", at(value), name,
                      name == "seed"    ? "; write seeds = [...]"
