@@ -5,6 +5,8 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <new>
 #include <vector>
@@ -79,6 +81,21 @@ std::string readableError(const CLI::ParseError& error) {
   return text;
 }
 
+// Libraries allocate where they must not throw (nlohmann's json does in destructors): without
+// memory that ends in std::terminate. Only calls that need no memory.
+[[noreturn]] void onTerminate() {
+  try {
+    if (const std::exception_ptr current = std::current_exception()) std::rethrow_exception(current);
+  } catch (const std::bad_alloc&) {
+    std::fputs("probelab: out of memory\n", stderr);
+    std::_Exit(1);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "probelab: internal error: %s\n", error.what());
+  } catch (...) {
+  }
+  std::abort();
+}
+
 int reportError(const std::string& message, int exit_code) {
   std::fflush(stdout);
   std::string line = message;
@@ -150,6 +167,7 @@ void Program::parse(int argc, const char* const* argv) {
 }
 
 int Program::run(int argc, const char* const* argv) {
+  std::set_terminate(onTerminate);
   try {
     parse(argc, argv);
     const Command& command = *commands_.at(app_->get_subcommands().front());

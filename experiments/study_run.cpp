@@ -86,7 +86,7 @@ Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& p
                 const CommonOptions& common) {
   Child child;
   child.cell = &cell;
-  child.output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, getpid());
+  child.output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, processTag());
   child.log = run.folder / "logs" / (cell.id + ".txt");
   const fs::path files = run.folder / "files" / cell.id;
   for (const fs::path& output : cellOutputs(cell, false))
@@ -140,18 +140,6 @@ std::string keepResult(const Study& study, const StudyRun& run, const Child& chi
   return "";
 }
 
-// Removes what runs that were killed have left.
-void removeLeftOvers(const fs::path& cells) {
-  for (const fs::directory_entry& entry : fs::directory_iterator(cells)) {
-    const std::string name = entry.path().filename().string();  // .<id>.<process>.out
-    if (!name.starts_with('.') || !name.ends_with(".out")) continue;
-    const std::size_t dot = name.find('.', 1);
-    const int process = dot == std::string::npos ? 0 : std::atoi(name.c_str() + dot + 1);
-    std::error_code ec;
-    if (process > 0 && kill(process, 0) != 0) fs::remove(entry.path(), ec);
-  }
-}
-
 class CellRunner {
  public:
   CellRunner(const Study& study, const StudyRun& run, const Invocation& invocation)
@@ -163,6 +151,7 @@ class CellRunner {
     makeFolder(run_.folder / "logs");
     checkWritable(run_.folder / "cells" / "x");
     removeLeftOvers(run_.folder / "cells");
+    removeLeftOvers(invocation_.common.cache);
     std::vector<const StudyCell*> missing;
     for (const StudyCell* cell : cells)
       readCell(run_, *cell) ? void(++outcome_.found) : missing.push_back(cell);

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/files.h"
 
+#include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 
@@ -21,12 +24,45 @@ using File = std::unique_ptr<std::FILE, FileCloser>;
 
 fs::path temporaryPath(const fs::path& path) {
   fs::path temporary = path;
-  temporary.replace_filename(fmt::format(".{}.{}.tmp{}", path.stem().string(), getpid(),
-                                         path.extension().string()));
+  temporary.replace_filename(
+      fmt::format(".{}.{}.tmp{}", path.stem().string(), processTag(), path.extension().string()));
   return temporary;
 }
 
+// Without dots, which separate the parts of temporary names.
+std::string hostName() {
+  char name[256] = "";
+  gethostname(name, sizeof name - 1);
+  std::string host = name;
+  std::replace(host.begin(), host.end(), '.', '_');
+  return host;
+}
+
+// Whether a tag is that of a process of this machine that has ended.
+bool isOfTheDead(const std::string& tag) {
+  const std::size_t dash = tag.find('-');
+  if (dash == std::string::npos || tag.substr(dash + 1) != hostName()) return false;
+  const int process = std::atoi(tag.c_str());
+  return process > 0 && kill(process, 0) != 0 && errno == ESRCH;
+}
+
 }  // namespace
+
+std::string processTag() { return fmt::format("{}-{}", getpid(), hostName()); }
+
+void removeLeftOvers(const fs::path& folder) {
+  std::error_code ec;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, ec)) {
+    std::string name = entry.path().filename().string();
+    if (!name.starts_with('.')) continue;
+    const bool temporary = entry.path().stem().extension() == ".tmp";
+    if (!temporary && entry.path().extension() != ".out") continue;
+    name = entry.path().stem().string();  // .NAME.TAG or .NAME.TAG.tmp
+    if (temporary) name = fs::path(name).stem().string();
+    const std::size_t dot = name.rfind('.');
+    if (dot > 0 && isOfTheDead(name.substr(dot + 1))) fs::remove(entry.path(), ec);
+  }
+}
 
 std::vector<std::byte> readFile(const fs::path& path) {
   std::error_code ec;
@@ -38,7 +74,8 @@ std::vector<std::byte> readFile(const fs::path& path) {
   std::byte chunk[1 << 16];
   for (std::size_t n; (n = std::fread(chunk, 1, sizeof chunk, file.get())) > 0;)
     bytes.insert(bytes.end(), chunk, chunk + n);
-  if (std::ferror(file.get())) throwInput("{}: cannot be read: {}", path.string(), std::strerror(errno));
+  if (std::ferror(file.get()))
+    throwInput("{}: cannot be read: {}", path.string(), std::strerror(errno));
   return bytes;
 }
 
@@ -73,7 +110,8 @@ void writeFileAtomically(const fs::path& path, const std::function<void(const fs
 void writeTextFile(const fs::path& path, std::string_view text) {
   writeFileAtomically(path, [&](const fs::path& temporary) {
     File file(std::fopen(temporary.c_str(), "wb"));
-    const bool written = file && std::fwrite(text.data(), 1, text.size(), file.get()) == text.size();
+    const bool written =
+        file && std::fwrite(text.data(), 1, text.size(), file.get()) == text.size();
     const bool closed = file && std::fclose(file.release()) == 0;
     if (!written || !closed)
       throw Error(fmt::format("{}: cannot be written: {}", path.string(), std::strerror(errno)));

@@ -34,6 +34,8 @@ std::string describeResult(VkResult result) {
       return "VK_ERROR_OUT_OF_POOL_MEMORY";
     case VK_ERROR_INVALID_EXTERNAL_HANDLE:
       return "VK_ERROR_INVALID_EXTERNAL_HANDLE";
+    case VK_ERROR_UNKNOWN:
+      return "VK_ERROR_UNKNOWN (the driver does not say what failed; is there enough memory?)";
     default:
       return fmt::format("VkResult {}", static_cast<int>(result));
   }

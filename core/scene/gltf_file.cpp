@@ -3,6 +3,7 @@
 
 #include <cstring>
 #include <limits>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <span>
 
@@ -124,6 +125,8 @@ tinygltf::Model parse(const std::string& file, std::span<const std::byte> bytes,
                                             folder, tinygltf::REQUIRE_VERSION);
   } catch (const Error&) {
     throw;
+  } catch (const std::bad_alloc&) {
+    throw;  // not the file's fault
   } catch (const std::exception& e) {
     throwInput("{}: cannot be parsed: {}", file, printable(e.what()));
   }

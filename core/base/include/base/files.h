@@ -23,6 +23,13 @@ void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path&)>& write);
 void writeTextFile(const std::filesystem::path& path, std::string_view text);
 
+// Removes what writers that were killed have left in a folder: ".NAME.TAG.tmp.EXT" and
+// ".NAME.TAG.out" with the tag of a process of this machine that is no more.
+void removeLeftOvers(const std::filesystem::path& folder);
+// "PROCESS-HOST": names files of one process apart from those of any other, also where machines
+// share a folder.
+std::string processTag();
+
 // Throws InputError unless a file can be created at `path`: call it before hours of work.
 void checkWritable(const std::filesystem::path& path);
 
