@@ -100,7 +100,7 @@ int reportError(const std::string& message, int exit_code) {
   std::fflush(stdout);
   std::string line = message;
   for (char& c : line)
-    if (c == '\n' || c == '\r') c = ' ';
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
   fmt::print(stderr, "probelab: {}\n", line);
   return exit_code;
 }

@@ -68,6 +68,9 @@ std::vector<std::byte> readFile(const fs::path& path) {
   std::error_code ec;
   if (!fs::exists(path, ec)) throwInput("{}: no such file", path.string());
   if (fs::is_directory(path, ec)) throwInput("{}: is a folder, a file is needed", path.string());
+  // /dev/zero has no end.
+  if (fs::is_character_file(path, ec) || fs::is_block_file(path, ec))
+    throwInput("{}: is a device, a file is needed", path.string());
   const File file(std::fopen(path.c_str(), "rb"));
   if (!file) throwInput("{}: cannot be read: {}", path.string(), std::strerror(errno));
   std::vector<std::byte> bytes;

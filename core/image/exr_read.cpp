@@ -20,6 +20,9 @@ constexpr int kMaxSide = 1 << 16;
 constexpr int64_t kMaxPixelBytes = int64_t{1} << 31;
 // Codecs work on up to 256 lines at once, so this bounds their buffers at 2 GiB.
 constexpr int64_t kMaxLineBytes = int64_t{1} << 23;
+// No codec but DWA packs more tightly than deflate's 1,032 (four thirds of it for PXR24); DWA keeps
+// one number of a block of 64 through deflate. The library takes memory for what a chunk claims.
+constexpr uint64_t kMostPacking = 64 * 1032;
 constexpr int64_t kMaxTileRowBytes = int64_t{1} << 29;
 
 void keepFirstMessage(exr_const_context_t context, exr_result_t, const char* message) {
@@ -160,6 +163,9 @@ class ChunkDecoder {
 
   // The chunk's top left pixel goes to (x, y); the layers hold these lines already.
   void decode(const exr_chunk_info_t& chunk, int x, int y) {
+    if (chunk.unpacked_size / kMostPacking > chunk.packed_size)
+      throwInput("{}: is damaged: {} bytes cannot hold {}", input_.name(), chunk.packed_size,
+                 chunk.unpacked_size);
     if (ready_) {
       input_.require(exr_decoding_update(input_.context(), 0, &chunk, &pipeline_));
     } else {

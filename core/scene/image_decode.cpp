@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "image_decode.h"
 
+#include <algorithm>
+#include <iterator>
 #include <limits>
 #include <memory>
 
@@ -20,10 +22,44 @@
 #endif
 
 namespace probelab {
+namespace {
+
+// Deflate packs at most 1,032 bytes into one (runs of 258 at two bits each).
+constexpr uint64_t kDeflateRatio = 1032;
+// A JPEG spends at least a bit on each 8 x 8 block.
+constexpr uint64_t kJpegTexelsPerByte = 8 * 8 * 8;
+
+// At least so many bits has a texel of a PNG, by its first chunk: bits a channel and colour type.
+uint64_t pngBitsPerTexel(std::span<const uint8_t> bytes) {
+  constexpr uint8_t kHeader[] = {'I', 'H', 'D', 'R'};
+  if (bytes.size() < 26 || !std::equal(std::begin(kHeader), std::end(kHeader), bytes.begin() + 12))
+    return 1;
+  const uint8_t kind = bytes[25];
+  return bytes[24] * uint64_t{kind == 2 ? 3u : kind == 4 ? 2u : kind == 6 ? 4u : 1u};
+}
+
+// Whether so few bytes can hold so large a picture: the decoder takes memory for what a header
+// claims, and goes on where a JPEG ends early.
+bool canHold(std::span<const uint8_t> bytes) {
+  int width = 0, height = 0, channels = 0;
+  if (!stbi_info_from_memory(bytes.data(), static_cast<int>(bytes.size()), &width, &height,
+                             &channels))
+    return true;  // the decoder says why not
+  const uint64_t texels = static_cast<uint64_t>(width) * static_cast<uint64_t>(height);
+  if (bytes[0] == 0x89)  // a PNG; a JPEG begins with 0xff
+    return texels * pngBitsPerTexel(bytes) / 8 / kDeflateRatio <= bytes.size();
+  return texels / kJpegTexelsPerByte <= bytes.size();
+}
+
+}  // namespace
 
 std::optional<Texture> decodeImage(std::span<const uint8_t> bytes, std::string& why) {
   if (bytes.empty() || bytes.size() > std::numeric_limits<int>::max()) {
     why = "no data";
+    return std::nullopt;
+  }
+  if (!canHold(bytes)) {
+    why = "truncated: it has fewer bytes than its size in texels needs";
     return std::nullopt;
   }
   int width = 0, height = 0, channels = 0;
