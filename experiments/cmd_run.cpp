@@ -26,6 +26,8 @@ struct RunOptions {
   std::string study, results, cell, size;
   int jobs = 1, scale = 1;
   bool list = false;
+  CLI::App* app = nullptr;      // of this command; its parent knows the others
+  CLI::Option* seed = nullptr;  // which every command has
 };
 
 fs::path resultsFolder(const RunOptions& options) {
@@ -94,8 +96,21 @@ Json outcomeJson(const Study& study, const StudyRun& run, const StudyOutcome& ou
           {"version", buildInfo().version}};
 }
 
+std::vector<std::string> optionNames(const CLI::App& app) {
+  std::vector<std::string> names;
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& name : option->get_lnames()) names.push_back(name);
+  return names;
+}
+
 void runStudy(const RunOptions& options, const Invocation& invocation) {
-  const Study study = loadStudy(options.study, {options.size, options.scale, invocation.common.device});
+  if (options.seed->count() > 0)
+    throwInput("--seed: the study names its seeds; --scale K takes K times as many");
+  const Study study =
+      loadStudy(options.study, {options.size, options.scale, invocation.common.device});
+  checkOptionNames(study, [&](const std::string& command) {
+    return optionNames(*options.app->get_parent()->get_subcommand(command));
+  });
   const StudyRun run = {resultsFolder(options), options.jobs};
   if (options.list) {
     const Json cells = listJson(study, run);
@@ -131,6 +146,8 @@ void addRunCommand(Program& program) {
       "run", "a study: many runs of a command, resumable, one result file each",
       "probelab run experiments/studies/error_vs_n.toml --size smoke --jobs 2",
       [options](const Invocation& invocation) { runStudy(*options, invocation); });
+  options->app = &app;
+  options->seed = app.get_option("--seed");
   app.add_option("study", options->study, "which cells there are (experiments/studies)")
       ->type_name("STUDY.toml")
       ->required();

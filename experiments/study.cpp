@@ -114,6 +114,7 @@ class Expansion {
     for (const StudyAxisValue& value : plan_.axes[axis].values) {
       StudyCell next = cell;
       addOptions(next.options, value.options);
+      if (!value.command.empty()) next.command = value.command;
       next.axes.push_back({plan_.axes[axis].name, value.name});
       addAxes(next, axis + 1, scene_hash);
     }
@@ -186,6 +187,19 @@ Study loadStudy(const fs::path& path, const StudySelection& selection) {
   study.axes.push_back("seed");
   study.cells = Expansion(plan, path, selection.device).cells();
   return study;
+}
+
+void checkOptionNames(const Study& study,
+                      const std::function<std::vector<std::string>(const std::string&)>& known) {
+  std::map<std::string, std::vector<std::string>> names;
+  for (const StudyCell& cell : study.cells) {
+    std::vector<std::string>& of = names[cell.command];
+    if (of.empty()) of = known(cell.command);
+    for (const auto& [name, values] : cell.options)
+      if (!values.empty() && std::find(of.begin(), of.end(), name) == of.end())
+        throwInput("{}: {} has no option '{}'{}", study.path, cell.command, name,
+                   suggestion(name, of));
+  }
 }
 
 std::string axesText(const StudyCell& cell) {

@@ -21,6 +21,7 @@
 //   [[axis.value]]                # ... or named sets of options
 //   name = "sparse"
 //   options = { strategy = "grid_sparse" }
+//   command = "budget"          # if it is another one than the study's
 //   [size.smoke]                  # --size smoke: a part of the study
 //   scenes = ["cornell"]          # by a part of their path
 //   seeds = [1]
@@ -32,6 +33,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -55,6 +57,11 @@ struct Study {
   std::vector<std::string> axes;  // names, in order
   std::vector<StudyCell> cells;
 };
+
+// Throws InputError for an option that the cells' command does not have. `known` gives the names of
+// a command's options without dashes.
+void checkOptionNames(const Study& study,
+                      const std::function<std::vector<std::string>(const std::string&)>& known);
 
 struct StudySelection {
   std::string size;         // empty: the whole study

@@ -20,8 +20,9 @@ namespace fs = std::filesystem;
 
 const std::vector<std::string> kStudyKeys = {"about", "command", "scenes", "states",
                                              "seeds", "options", "axis",   "size"};
+const char* const kScriptKey = "script";  // of studies that a script of their own runs
 const std::vector<std::string> kAxisKeys = {"name", "option", "values", "value"};
-const std::vector<std::string> kValueKeys = {"name", "options"};
+const std::vector<std::string> kValueKeys = {"name", "options", "command"};
 const std::vector<std::string> kSizeKeys = {"scenes", "states", "seeds", "axes", "options"};
 const std::vector<std::string> kCommands = {"evaluate", "tune", "budget", "bench", "place"};
 constexpr std::size_t kMostSeeds = 10000;
@@ -89,6 +90,12 @@ struct Reader {
     }
     return options;
   }
+  std::string command(const toml::node& node) const {
+    const std::string name = text(node, "command");
+    if (std::find(kCommands.begin(), kCommands.end(), name) == kCommands.end())
+      throwInput("{}: command is '{}'{}", at(node), name, suggestion(name, kCommands));
+    return name;
+  }
   std::vector<std::string> seeds(const toml::node& node) const {
     std::vector<std::string> seeds;
     for (const toml::node& element : list(node, "seeds")) {
@@ -121,15 +128,17 @@ StudyAxis readAxis(const Reader& read, const toml::node& node) {
       const toml::table& value = *entry.as_table();
       read.checkKeys(value, kValueKeys);
       if (value.get("name") == nullptr) throwInput("{}: a value needs a name", read.at(entry));
-      axis.values.push_back({read.text(*value.get("name"), "name"), {}});
+      axis.values.push_back({read.text(*value.get("name"), "name"), {}, {}});
       if (const toml::node* options = value.get("options"))
         axis.values.back().options = read.options(*options);
+      if (const toml::node* command = value.get("command"))
+        axis.values.back().command = read.command(*command);
     }
   } else {
     const std::string option = read.text(need("option"), "option");
     for (const toml::node& entry : read.list(need("values"), "values")) {
       const std::string value = read.scalar(entry, option);
-      axis.values.push_back({value, {{option, {value}}}});
+      axis.values.push_back({value, {{option, {value}}}, {}});
     }
   }
   std::set<std::string> names;
@@ -150,6 +159,9 @@ void readStates(const Reader& read, const toml::node& node, StudyPlan& plan) {
 }
 
 StudyPlan readPlan(const Reader& read, const toml::table& table) {
+  if (const toml::node* script = table.get(kScriptKey))
+    throwInput("{}: no study for 'probelab run'; {} runs it", read.at(*script),
+               read.text(*script, kScriptKey));
   read.checkKeys(table, kStudyKeys);
   const auto need = [&](const char* key) -> const toml::node& {
     if (const toml::node* found = table.get(key)) return *found;
@@ -157,10 +169,7 @@ StudyPlan readPlan(const Reader& read, const toml::table& table) {
   };
   StudyPlan plan;
   plan.about = read.text(need("about"), "about");
-  plan.command = read.text(need("command"), "command");
-  if (std::find(kCommands.begin(), kCommands.end(), plan.command) == kCommands.end())
-    throwInput("{}: command is '{}'{}", read.at(need("command")), plan.command,
-               suggestion(plan.command, kCommands));
+  plan.command = read.command(need("command"));
   for (const std::string& scene : read.texts(need("scenes"), "scenes")) {
     const fs::path path = fs::path(read.path).parent_path() / scene;
     if (!fs::exists(path))

@@ -13,6 +13,7 @@ namespace probelab {
 struct StudyAxisValue {
   std::string name;
   OptionValues options;
+  std::string command;  // in place of the study's; empty: that one
 };
 struct StudyAxis {
   std::string name;

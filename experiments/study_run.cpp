@@ -286,17 +286,41 @@ std::optional<Json> readCell(const StudyRun& run, const StudyCell& cell) {
   return json;
 }
 
+namespace {
+
+// What a cell's options say about its time, s on two processor cores: truth, start, and the rays of
+// its updates (with some 70 of the burn-in when converged). Only its ratios count once a cell is
+// done.
+double roughSeconds(const StudyCell& cell) {
+  const auto number = [&](const char* name, double otherwise) {
+    const auto found = cell.options.find(name);
+    return found == cell.options.end() || found->second.empty()
+               ? otherwise
+               : std::atof(found->second[0].c_str());
+  };
+  const auto mode = cell.options.find("mode");
+  const bool temporal =
+      mode != cell.options.end() && mode->second == OptionValues::mapped_type{"temporal"};
+  const double updates = number("updates", 64) + (temporal ? 0 : 70);
+  const double rays = number("probes", 512) * number("rays", 128) * updates;
+  const double fields = cell.command == "tune" ? 20 : cell.command == "budget" ? 3 : 1;
+  return 1 + number("count", 4096) / 1000 + fields * (1 + rays / 1e6);
+}
+
+}  // namespace
+
 double estimateSeconds(const Study& study, const StudyCell& cell,
                        const std::vector<std::optional<Json>>& results) {
-  constexpr double kGuess = 10;
-  double best_match = -1, seconds = kGuess;
+  const double guess = roughSeconds(cell);
+  double best_match = -1, seconds = guess;
   for (std::size_t i = 0; i < study.cells.size(); ++i) {
     if (!results[i]) continue;
     double match = 0;
     for (std::size_t a = 0; a < cell.axes.size(); ++a)
       match += study.cells[i].axes[a].second == cell.axes[a].second ? 1 : 0;
     if (match > best_match)
-      best_match = match, seconds = (*results[i])["cell"].value("seconds", kGuess);
+      best_match = match, seconds = (*results[i])["cell"].value("seconds", guess) * guess /
+                                    roughSeconds(study.cells[i]);
   }
   return std::max(seconds, 0.01);
 }

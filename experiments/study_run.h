@@ -36,7 +36,8 @@ std::filesystem::path cellFile(const StudyRun& run, const StudyCell& cell);
 // A cell's result if it is there and whole; a damaged file counts as missing.
 std::optional<Json> readCell(const StudyRun& run, const StudyCell& cell);
 
-// Seconds that a cell will take: those of finished cells alike, or a rough guess.
+// Seconds that a cell will take: those of the finished cell most alike, scaled by what the options
+// say, or a rough guess.
 double estimateSeconds(const Study& study, const StudyCell& cell,
                        const std::vector<std::optional<Json>>& results);
 

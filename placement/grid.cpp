@@ -26,9 +26,13 @@ double spreadOf(const std::array<double, 3>& logs) {
 ProbeLayout placeGrid(const PlacementInput& input) {
   const bool free_space = choiceOption(input, "box", {"free", "bounds"}) == 0;
   const double vertical = numberOption(input, "vertical", 0.25, 8);
+  const double offset = numberOption(input, "offset", -1, 1);
   const LatticeBox box{free_space, free_space ? kInset : 0};
   const Vec3i count = cubicCounts(outerBox(input, box).extent(), input.probes, vertical);
-  return usableLayout(latticeIn(input, box, count), input);
+  Lattice lattice = latticeIn(input, box, count);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (count[axis] > 1) lattice.first[axis] += lattice.spacing[axis] * static_cast<float>(offset);
+  return usableLayout(lattice, input);
 }
 
 // A lattice of one point that lies at p.
@@ -46,7 +50,9 @@ const Strategy kGridStrategy = {
     "a regular lattice with near to cubic cells in the reachable free space",
     {{"box", "free", "free | bounds",
       "what the lattice fills: the reachable free space, or the bounds with the walls in them"},
-     {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one"}},
+     {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one"},
+     {"offset", "0", "-1 .. 1",
+      "moves the lattice along every axis with more than one probe, in spacings"}},
     placeGrid};
 
 namespace {

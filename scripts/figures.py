@@ -15,7 +15,8 @@ import sys
 
 from figures_captions import caption
 from figures_cells import InputError, load_folder
-from figures_tables import TABLES, kind_of
+from figures_tables import READABLE, TABLES, kind_of
+from pipeline_report import aligned, number
 
 
 def table_text(rows):
@@ -27,6 +28,13 @@ def table_text(rows):
         writer.writerow({k: "" if v is None else f"{v:.9g}" if isinstance(v, float) else v
                          for k, v in row.items()})
     return text.getvalue()
+
+
+def markdown(rows):
+    columns = list(dict.fromkeys(column for row in rows for column in row))
+    texts = sum(any(isinstance(r.get(c), str) for r in rows) for c in columns)
+    cell = lambda v: v if isinstance(v, str) else f"{v:,}" if isinstance(v, int) else number(v)
+    return aligned([columns] + [[cell(r.get(c)) for c in columns] for r in rows], texts) + "\n"
 
 
 def write_tables(study, kind, folder):
@@ -41,6 +49,10 @@ def write_tables(study, kind, folder):
         path = folder / (file_stem(study, suffix) + ".csv")
         path.write_text(table_text(rows))
         written.append(path)
+        if suffix in READABLE:
+            path = path.with_suffix(".md")
+            path.write_text(markdown(rows))
+            written.append(path)
     return tables, written
 
 
@@ -52,10 +64,12 @@ def draw_study(pyplot, study, kind, folder, damaged):
     """Writes all files of a study; returns their paths."""
     import figures_curves
     import figures_dots
+    import figures_extra
     folder.mkdir(parents=True, exist_ok=True)
     tables, written = write_tables(study, kind, folder)
     name = f"draw_{kind}"
-    draw = getattr(figures_curves, name, None) or getattr(figures_dots, name)
+    draw = next(getattr(module, name) for module in (figures_curves, figures_dots, figures_extra)
+                if hasattr(module, name))
     for suffix, figure in draw(pyplot, study, tables).items():
         stem = file_stem(study, suffix)
         figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})

@@ -27,7 +27,8 @@ SAYS = {
                  "through (Chebyshev's bound cubed below 0.05), before texels, noise and biases. "
                  "Open marks: no cell has probes in both rooms (an odd count across, with a layer "
                  "inside the wall that is not stored, or spacing below the thickness)",
-    "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test; "
+    "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test (exact: by rays, "
+                        "of path-traced light); "
                         "axes are logarithmic, so that the length of a bar has no meaning, its end "
                         "has; " + FLOOR,
     "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
@@ -50,6 +51,16 @@ SAYS = {
                    "root of the time; band: the least and the most of the seeds). The table "
                    "time_to_error says which setting is first within an error, by the time of its "
                    "updates from black",
+    "grid_robustness": "Error and leaks of one lattice moved along every axis by a share of its "
+                       "spacing, its probes that end in walls left out, under the same rooms "
+                       "turned about the vertical axis; the table spread says how far the values "
+                       "lie apart; " + FLOOR,
+    "bias_map": "Error (nrmse) and light leak on train receivers over normal and view bias, the "
+                "field of the tuned biases held still; means over seeds. White marks: presets; "
+                "stars: the optimum of each seed, for a cost of error and leak together",
+    "layout_tuning": "Error and light leak on held-out receivers by layout, with the parameters of "
+                     "a preset and with parameters tuned for that layout, under the lights that "
+                     "were tuned on and under others. The table parameters has the tuned values",
     "budget": "Error budget: nrmse, its share and light leak of fields in which one stage after "
               "another is as finite as in the program, all later ones exact; share is the rise of "
               "the mean squared error over the rung before, by that of the last (negative where an "

@@ -5,6 +5,8 @@ import math
 import re
 import statistics
 
+from figures_extra_tables import (cost_rows, exact_visibility, tables_bias_map,
+                                  tables_grid_robustness, tables_layout_tuning)
 from figures_points import (by_seed, combine, groups, mean_of, metric_rows, over_scenes, pareto,
                             point, scene_states, slope)
 
@@ -86,7 +88,7 @@ def tables_thin_wall(study):
 # Tables that are one row a setting and number.
 
 def tables_visibility_terms(study):
-    return {"": metric_rows(study, ["scene", "terms"], {**NRMSE, **LEAKS})}
+    return {"": metric_rows(exact_visibility(study), ["scene", "terms"], {**NRMSE, **LEAKS})}
 
 
 def tables_rays_hysteresis(study):
@@ -211,7 +213,7 @@ def tables_speed_error(study):
             for i, row in enumerate(of):
                 row["front_" + cost] = int(i in front)
     return {"": rows, "time_to_error": fastest(study, states),
-            "path_tracing": path_tracing(study, states)}
+            "path_tracing": path_tracing(study, states), "cost": cost_rows(study, SETTING)}
 
 
 # Error budget.
@@ -251,20 +253,29 @@ def tables_budget(study):
 TABLES = {"error_vs_n": tables_error_vs_n, "thin_wall": tables_thin_wall,
           "visibility_terms": tables_visibility_terms, "rays_hysteresis": tables_rays_hysteresis,
           "texels": tables_texels, "interpolants": tables_interpolants, "formats": tables_formats,
-          "speed_error": tables_speed_error, "budget": tables_budget}
+          "speed_error": tables_speed_error, "budget": tables_budget,
+          "grid_robustness": tables_grid_robustness, "bias_map": tables_bias_map,
+          "layout_tuning": tables_layout_tuning}
+
+READABLE = ("cost", "time_to_error", "spread", "parameters")  # tables that are Markdown as well
 
 # The axes that each one needs; a study of another name with the same axes gets the same figure.
 AXES = {"error_vs_n": {"probes", "layout"}, "thin_wall": {"probes", "params"},
         "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis"},
         "texels": {"irradiance texels", "moment texels"}, "interpolants": {"layout", "interpolant"},
         "formats": {"format", "gamma", "hysteresis", "rounding"},
-        "speed_error": {"params", "probes", "rays"}}
+        "speed_error": {"params", "probes", "rays"}, "grid_robustness": {"offset"},
+        "bias_map": set(), "layout_tuning": {"layout"}}
+TUNED = ("bias_map", "layout_tuning")  # of `probelab tune`
 
 
 def kind_of(study):
     """Which of the figures a study has, or None."""
-    if study.command == "budget":
+    if study.command == "budget" and study.name not in AXES:
         return "budget"
-    if study.name in AXES and AXES[study.name] <= set(study.axis_names):
+    kinds = {kind: axes for kind, axes in AXES.items()
+             if (kind in TUNED) == (study.command == "tune")}
+    if study.name in kinds and kinds[study.name] <= set(study.axis_names):
         return study.name
-    return next((kind for kind, axes in AXES.items() if axes == set(study.axis_names)), None)
+    return next((kind for kind, axes in kinds.items() if axes == set(study.axis_names)
+                 and (axes or any(c.result.get("bias_map") for c in study.cells))), None)

@@ -10,6 +10,7 @@
 #include "gltf_scene.h"
 #include "scene_toml.h"
 #include "sky_image.h"
+#include "turn.h"
 #include "warnings.h"
 
 namespace probelab {
@@ -158,6 +159,7 @@ Scene loadToml(const fs::path& path) {
   if (!toml.sky_image.empty()) readSkyImage(toml.sky_image, toml.sky, hashes);
   GltfScene gltf;
   if (!toml.gltf.empty()) gltf = loadGltf(toml.gltf, toml.time_s, warnings, hashes);
+  if (toml.turn_rad != 0) turnScene(toml, gltf);
   return assemble(path, std::move(toml), std::move(gltf), std::move(hashes), warnings);
 }
 

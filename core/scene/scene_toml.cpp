@@ -190,16 +190,20 @@ SceneToml readSceneToml(const fs::path& path, std::vector<std::string>& hashes) 
   hashes.push_back(contentHash(text));
   const toml::table table = parseToml(path.string(), text);
   const TableReader root(table, path.string(), "");
-  root.allowOnly(
-      {"gltf", "time_s", "sky", "light", "camera", "volume", "receivers", "flip", "state"});
+  root.allowOnly({"gltf", "time_s", "turn_deg", "sky", "light", "camera", "volume", "receivers",
+                  "flip", "state"});
   SceneToml scene;
   scene.fail = failureAt(root, "gltf");
   scene.fail_receivers = failureAt(root, "receivers");
   if (root.has("gltf")) scene.gltf = existingFile(root, "gltf", path.parent_path());
   scene.time_s = root.number("time_s").value_or(0);
+  if (const auto turn = root.number("turn_deg", {-360, 360})) scene.turn_rad = *turn * kRadians;
   if (const auto sky = root.table("sky", "[sky]")) readSky(*sky, path.parent_path(), scene);
   readLists(root, scene);
   if (const auto volume = root.table("volume", "[volume]")) scene.volume = readVolume(*volume);
+  if (root.has("turn_deg") && (scene.volume || !scene.sky_image.empty()))
+    root.fail("turn_deg", "turn_deg cannot turn a {}",
+              scene.volume ? "[volume], which is a box along the axes" : "sky image");
   if (const auto receivers = root.table("receivers", "[receivers]")) {
     receivers->allowOnly({"seeds"});
     scene.seeds = receivers->vectors("seeds", kCoordinate);

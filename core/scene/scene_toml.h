@@ -26,6 +26,7 @@ struct SceneToml {
   std::filesystem::path gltf;       // resolved; empty: none
   std::filesystem::path sky_image;  // likewise
   double time_s = 0;
+  double turn_rad = 0;  // turn.h
   Sky sky;
   std::vector<PlacedLight> lights;
   std::vector<PlacedCamera> cameras;

@@ -190,12 +190,15 @@ def value_text(value):
 
 
 def toml(purpose, file_name=None, sky=None, lights=(), cameras=(), volume=None, seeds=(),
-         flip=None, states=()):
+         flip=None, states=(), turn_deg=None):
     """A scene TOML. cameras: (name, position, target, fov degrees); volume: (min, max); flip:
-    (start, stop); states: (name, split, {light: changes}, sky scale or None)."""
+    (start, stop); states: (name, split, {light: changes}, sky scale or None); turn_deg turns all of
+    it."""
     lines = ["# " + line for line in purpose.split("\n")]
     if file_name:
         lines.append("gltf = " + value_text(file_name))
+    if turn_deg:
+        lines.append("turn_deg = " + value_text(turn_deg))
 
     def table(head, values):
         lines.extend(["", head] + ["%s = %s" % (k, value_text(v)) for k, v in values.items()])

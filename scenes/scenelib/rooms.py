@@ -6,6 +6,7 @@ from scenelib.files import gltf, lamp, material, png, tiled, toml
 PLASTER = (0.75, 0.73, 0.7)
 CONCRETE = (0.5, 0.5, 0.48)
 SUN = {"name": "sun", "type": "directional", "color": (1.0, 0.95, 0.87), "intensity": 10.0}
+TURNS_DEG = (15, 30, 45)  # scenes that stand at an angle to the axes, and to any lattice
 SKY = {"radiance": (0.5, 0.65, 0.9)}
 
 
@@ -62,14 +63,17 @@ def thin_wall():
                  lamp("lamp_east", (half + 2.8, 1.7, -0.9), 12.0, (0.8, 0.9, 1.0))]
         out.update(gltf(stem, purpose, [solid.mesh()], materials, lamps))
         near = {"position": (-half - 0.6, 1.3, 1.1), "intensity": 6}
-        out["scene_%02dcm.toml" % cm] = toml(
-            purpose, stem + ".gltf",
+        text = lambda turn: toml(
+            purpose, stem + ".gltf", turn_deg=turn,
             cameras=[("west", (-half - 3.7, 1.6, 1.7), (-half - 0.6, 1.0, -0.9), 65),
                      ("east", (half + 3.7, 1.6, -1.7), (half, 0.9, 0.5), 65)],
             seeds=[(-half - 3, 1.5, 0), (half + 3, 1.5, 0)], flip=(-2, 4),
             states=[("west", "train", {"lamp_east": off()}, None),
                     ("east", "train", {"lamp_west": off()}, None),
                     ("west_near", "heldout", {"lamp_west": near, "lamp_east": off()}, None)])
+        out["scene_%02dcm.toml" % cm] = text(None)
+        if cm == 5:
+            out.update(("scene_05cm_turned_%d.toml" % turn, text(turn)) for turn in TURNS_DEG)
     return out
 
 
@@ -90,14 +94,16 @@ def two_rooms_door():
              lamp("lamp_east", (3.2, 2.3, -1.2), 14.0, (1.0, 0.9, 0.75))]
     out = gltf("two_rooms_door", purpose, [solid.mesh()], materials, lamps)
     floor_lamp = {"position": (-4.2, 1.1, 1.9), "intensity": 14}
-    out["scene.toml"] = toml(
-        purpose, "two_rooms_door.gltf",
+    text = lambda turn: toml(
+        purpose, "two_rooms_door.gltf", turn_deg=turn,
         cameras=[("unlit room", (4.7, 1.6, -2.0), (-0.6, 1.1, 1.0), 62),
                  ("lit room", (-4.7, 1.7, 2.1), (-0.4, 1.0, -0.6), 65)],
         seeds=[(-3, 1.5, 1), (3, 1.5, -1.5)],
         states=[("west", "train", {"lamp_east": off()}, None),
                 ("east", "train", {"lamp_west": off()}, None),
                 ("floor_lamp", "heldout", {"lamp_west": floor_lamp, "lamp_east": off()}, None)])
+    out["scene.toml"] = text(None)
+    out.update(("scene_turned_%d.toml" % turn, text(turn)) for turn in TURNS_DEG)
     return out
 
 

@@ -201,6 +201,43 @@ class Numbers(FiguresTest):
         self.assertAlmostEqual(row["value"], 0.3)
         self.assertEqual((row["low"], row["high"], row["rung"]), (0.2, 0.4, 1))
 
+    def test_the_exact_rung_stands_beside_the_terms(self):
+        cells = [cell("visibility_terms", terms="all", result=errors(0.3, light=0.02)),
+                 cell("visibility_terms", terms="exact", command="budget", result={
+                     **errors(0.3), "rungs": [{"name": "exact", "nrmse": 0.1, "light_leak": 0.01,
+                                               "shadow_leak": 0.0}]})]
+        study = self.study(cells)
+        self.assertEqual(figures_tables.kind_of(study), "visibility_terms")
+        rows = figures_tables.tables_visibility_terms(study)[""]
+        self.assertEqual(self.row(rows, terms="exact", metric="nrmse")["value"], 0.1)
+        self.assertEqual(self.row(rows, terms="all", metric="nrmse")["value"], 0.3)
+
+    def test_spread_over_offsets_and_angles(self):
+        cells = [cell("grid_robustness", scene=scene, offset=offset, result=errors(error))
+                 for scene, offset, error in (("room", 0, 0.2), ("room", 0.5, 0.1),
+                                              ("room/scene_turned_30", 0, 0.4))]
+        tables = figures_tables.tables_grid_robustness(self.study(cells))
+        turned = self.row(tables[""], turn_deg=30, metric="nrmse")
+        self.assertEqual((turned["room"], turned["value"]), ("room", 0.4))
+        row = self.row(tables["spread"], metric="nrmse")
+        self.assertEqual((row["least"], row["median"], row["most"], row["unmoved"]),
+                         (0.1, 0.2, 0.4, 0.2))
+
+    def test_tuned_and_untuned_layouts(self):
+        scores = [{"state": s, "lights": "train", "settings": [
+            {"setting": "tuned", "heldout": {"nrmse": e, "light_leak": e / 10}}]}
+            for s, e in (("day", 0.3), ("night", 0.4))]
+        parameters = [{"key": "normal_bias", "unit": "x s_i", "from": 0.1, "tuned": 0.2}]
+        study = self.study([cell("mine", command="tune", layout="grid", seed=s, result={
+            "scores": scores, "parameters": parameters}) for s in (1, 2)])
+        self.assertEqual(figures_tables.kind_of(study), "layout_tuning")
+        tables = figures_tables.tables_layout_tuning(study)
+        row = self.row(tables[""], setting="tuned", metric="nrmse", lights="train")
+        self.assertAlmostEqual(row["value"], math.sqrt(0.125))
+        self.assertAlmostEqual(self.row(tables[""], metric="light leak")["value"], 0.035)
+        tuned = self.row(tables["parameters"], parameter="normal_bias")
+        self.assertEqual((tuned["preset"], tuned["tuned"], tuned["seeds"]), (0.1, 0.2, 2))
+
     def test_counts_are_those_of_the_program(self):
         for name in figures_tables.AXES:
             path = figures_cells.study_file(name)
@@ -289,11 +326,20 @@ class Files(FiguresTest):
 
     def test_every_figure_holds_its_texts(self):
         folders = [self.write(cells, name) for name, cells in every_study().items()]
+        for i in range(4):  # the maps of bias_map
+            report = self.folder / "bias_map" / "files" / f"{i:016x}" / "report"
+            report.mkdir(parents=True)
+            (report / "bias_map.csv").write_text(BIAS_MAP)
         run = subprocess.run([PYTHON, "-B", "-c", DRAW_AND_CHECK, SOURCE / "scripts", *folders,
                               self.folder / "out"], capture_output=True, text=True, timeout=300)
         self.assertEqual((run.returncode, run.stdout, run.stderr), (0, "", ""))
+        self.assertIn("| normal_bias ", (self.folder / "out/layout_tuning_parameters.md").read_text())
         for name in figures_tables.TABLES:
             self.assertTrue((self.folder / "out" / f"{name}.pdf").is_file(), name)
+
+
+BIAS_MAP = "normal_bias,view_bias,cost,nrmse,light_leak\n" + "".join(
+    f"{n},{v},1,{0.1 + n + v},{n * v / 10}\n" for v in (0, 0.5, 1) for n in (0, 0.2, 0.4))
 
 
 def every_study():
@@ -314,9 +360,19 @@ def every_study():
                    "query_ns_per_point": 200 + i}, work={"rays": rays * (60 + 37 * i)},
             rungs=[{"name": n, "nrmse": error * s, "light_leak": 1e-4 * (s - 1), "share": s / 6}
                    for n, s in (("exact", 1), ("moments", 2), ("field", 3))])
+        result.update(
+            bias_map={"places": [{"name": n, "normal_bias": b, "view_bias": 2 * b}
+                                 for n, b in (("from", 0.1), ("rtxgi", 0.04), ("tuned", 0.3))]},
+            parameters=[{"key": "normal_bias", "unit": "x s_i", "from": 0.1, "tuned": 0.2}],
+            scores=[{"state": "day", "lights": l, "settings": [
+                {"setting": s, "heldout": {"nrmse": error * f, "light_leak": 0.0,
+                                           "shadow_leak": 0.01}}
+                for s, f in (("from", 1), ("tuned", 0.8), ("rtxgi", 1.1))]}
+                for l in ("train", "heldout")])
+        commands = {"budget": "budget", "bias_map": "tune", "layout_tuning": "tune"}
         cells.setdefault(name, []).append(cell(
-            name, scene=scene, seed=seed, command="budget" if name == "budget" else "evaluate",
-            result=result, **axes))
+            name, scene=scene, seed=seed, command=commands.get(name, "evaluate"), result=result,
+            **axes))
 
     for seed in (1, 2):
         for scene in scenes:
@@ -332,8 +388,16 @@ def every_study():
                         hysteresis=0.97, rounding="nearest")
                     add("speed_error", i, scene, seed, params=b, probes=a, rays=32)
                     add("visibility_terms", i, scene, seed, terms=f"{b} {a}")
+                    for turn in ("", "_turned_30"):
+                        place = scene if not turn else scene + (turn if "/" in scene
+                                                                else "/scene" + turn)
+                        if i < 3:
+                            add("grid_robustness", i, place, seed, offset=(i - 1) / 2)
+                    if i < 2:
+                        add("layout_tuning", i, scene, seed, layout=b)
                     i += 1
             add("budget", 0, scene, seed)
+            add("bias_map", 0, scene, seed)
         for cm in ("01", "05", "50"):
             for i, a in enumerate((64, 256, 1024)):
                 add("thin_wall", i, f"thin_wall/scene_{cm}cm", seed, probes=a, params="probelab")

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 
-from support import PROGRAM, CliTest, write_glb
+from support import PROGRAM, SOURCE, CliTest, write_glb
 
 STUDY = """about = "a try"
 command = "evaluate"
@@ -206,6 +206,36 @@ class RunTest(CliTest):
         self.assertIn("did you mean 'smoke'", self.run_fails(2, "run", "study.toml", "--size", "smok"))
         self.write(STUDY.replace("probes = [8]", "probes = [9]"))
         self.assertIn("has no '9'", self.run_fails(2, "run", "study.toml", "--size", "smoke"))
+
+    def test_options_that_the_command_does_not_have(self):
+        def refused(text, *parts):
+            self.write(text)
+            error = self.run_fails(2, "run", "study.toml", "--list")
+            for part in ("study.toml", *parts):
+                self.assertIn(part, error)
+        refused(STUDY.replace("count = 32", "cuont = 32"), "evaluate has no option 'cuont'",
+                "did you mean 'count'")
+        refused(STUDY.replace('strategy = "jittered"', 'strateg = "jittered"'), "'strateg'")
+        refused(STUDY.replace('"evaluate"', '"bench"'), "bench has no option")
+        self.write(STUDY)
+        self.assertIn("the study names its seeds", self.run_fails(2, "run", "study.toml", "--seed",
+                                                                  "3", "--list"))
+
+    def test_studies_of_other_scripts_are_named(self):
+        for name, script in (("overview", "overview"), ("placement_ablation", "placement"),
+                             ("tuning", "tuning"), ("pipeline", "pipeline")):
+            path = SOURCE / f"experiments/studies/{name}.toml"
+            self.assertIn(f"scripts/{script}.py runs it", self.run_fails(2, "run", path))
+
+    def test_a_value_with_another_command(self):
+        self.write(STUDY.replace('name = "grid"', 'name = "grid"\ncommand = "receivers"'))
+        self.assertIn("command is 'receivers'", self.run_fails(2, "run", "study.toml", "--list"))
+        other = STUDY.replace('name = "grid"', 'name = "rungs"\ncommand = "budget"')
+        self.write(other.replace("probes = [8]", 'probes = [8], layout = ["rungs"]'))
+        self.assertEqual(self.study("--size", "smoke")["failed"], [])
+        result, = self.cells().values()
+        self.assertEqual((result["cell"]["command"], result["rungs"][0]["name"]),
+                         ("budget", "exact"))
 
     def test_results_that_cannot_be_written(self):
         (self.folder / "file").write_text("")

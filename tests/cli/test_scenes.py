@@ -216,7 +216,8 @@ class Files(unittest.TestCase):
             "two_rooms_door", "sun_room", "corridor_l", "pillar_hall", "acute_corner",
             "mixed_scale"})
         walls = {p.stem for p in TOMLS if p.parent.name == "thin_wall"}
-        self.assertEqual(walls, {"scene_%02dcm" % cm for cm in WALLS_CM})
+        turned = {"scene_05cm_turned_%d" % turn for turn in (15, 30, 45)}
+        self.assertEqual(walls, {"scene_%02dcm" % cm for cm in WALLS_CM} | turned)
 
 
 class Geometry(unittest.TestCase):

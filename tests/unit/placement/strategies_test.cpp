@@ -222,6 +222,20 @@ TEST(LatticeIn, KeepsItsInset) {
   EXPECT_NEAR(margin.spacing.x, 0.88f, 1e-6);
 }
 
+TEST(Grid, OffsetMovesTheWholeLattice) {
+  Place place(emptySpace());
+  const auto probes = [&](const char* offset) {
+    return placeProbes("grid", place.input(8, 1, {{"box", "free"}, {"offset", offset}})).positions;
+  };
+  const std::vector<Vec3f> still = probes("0"), moved = probes("0.04");
+  ASSERT_EQ(still.size(), 8u);
+  ASSERT_EQ(moved.size(), 8u);
+  // Two probes in 2 m less 0.05 spacings at both ends: 2 / 1.1 m apart, and all stay inside.
+  for (std::size_t i = 0; i < still.size(); ++i)
+    EXPECT_LT(length(moved[i] - still[i] - Vec3f(0.04f * 2 / 1.1f)), 1e-6f);
+  EXPECT_EQ(probes("0.5").size(), 1u);  // the others have left the space
+}
+
 TEST(Options, ResolveToDefaultsAndRejectWhatIsWrong) {
   const Strategy& grid = findStrategy("grid");
   const OptionValues values = resolveOptions(grid, {"vertical=2"});

@@ -141,6 +141,43 @@ TEST_F(SceneToml, TheHashFollowsEveryByteAndNothingElse) {
   EXPECT_NE(load(text).content_hash, hash);
 }
 
+TEST_F(SceneToml, AllOfASceneTurnsAboutTheVerticalAxis) {
+  // A quarter turn, counter-clockwise from above: (x, y, z) -> (z, y, -x).
+  const Scene scene = load(R"(gltf = "room.glb"
+turn_deg = 90.0
+[sky]
+radiance = [1, 1, 1]
+linear = [0.5, 0.0, 0.0]
+[[light]]
+name = "sun"
+type = "directional"
+intensity = 1
+direction = [0.6, -0.8, 0.0]
+[[camera]]
+name = "own"
+position = [1, 2, 3]
+target = [2, 2, 3]
+[receivers]
+seeds = [[1, 2, 0]]
+[[state]]
+name = "moved"
+lights = { lamp = { position = [3, 1, 2] } }
+)");
+  const auto at = [](const Vec3d& found, const Vec3d& wanted) {
+    EXPECT_LT(length(found - wanted), 1e-6) << found.x << " " << found.y << " " << found.z;
+  };
+  at(toWorld(scene, scene.geometry->positions[1]), {0, 0, -4});  // was (4, 0, 0)
+  at(toWorld(scene, scene.lights[0].position), {2, 1, -3});
+  at(Vec3d(scene.lights[1].direction), {0, -0.8, -0.6});
+  at(toWorld(scene, scene.cameras[0].position), {3, 2, -1});
+  at(Vec3d(scene.cameras[0].forward), {0, 0, -1});
+  at(Vec3d(scene.cameras[1].forward), {-1, 0, 0});  // the glTF's own, along -z
+  at(toWorld(scene, scene.receiver_seeds[0]), {0, 2, -1});
+  at(Vec3d(scene.sky.linear), {0, 0, -0.5});
+  EXPECT_NE(error("turn_deg = 30.0\n" + kVolume).find("scene.toml:1: turn_deg"),
+            std::string::npos);
+}
+
 TEST_F(SceneToml, ACameraMayLookStraightDown) {
   const Scene scene = load(kVolume +
                            "[[camera]]\nname = \"a\"\nposition = [1, 2, 1]\n"

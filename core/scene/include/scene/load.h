@@ -19,6 +19,8 @@ namespace probelab {
 //
 // Keys of a scene TOML; all are optional but those marked *, * within their table:
 //   gltf, time_s                    without gltf, [volume] is needed
+//   turn_deg                        turns all of it about +Y, counter-clockwise seen from above; not
+//                                   with a [volume] or a sky image
 //   [sky]        image | radiance, linear        the image is an equirectangular EXR of scan lines
 //   [[light]]    name*, type*, intensity*, color, position, direction, range_m, inner_cone_deg (0),
 //                outer_cone_deg (45)             position* and direction* as the type has them

@@ -1,0 +1,238 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The numbers of README.md, from the rows in results/published. Standard library only.
+
+  scripts/readme.py --check     exit code 1, and what differs, if README.md says something else
+  scripts/readme.py --write     put the numbers of today's rows in
+
+Two marks, which a reader does not see:
+  <!-- block: NAME --> ... <!-- end -->     all between them; BLOCKS makes it
+  0.0398<!-- = SOURCE -->                   one number; SOURCE is a name in VALUES, or a JSON file in
+                                            results/published, '#' and a dotted name
+"""
+import argparse
+import json
+import pathlib
+import re
+import statistics
+import sys
+import tomllib
+
+from overview import COLUMNS, ROOT, describe, markdown_table, scene_name, table_row
+from pipeline_report import aligned, number, presets_tables
+from placement_rows import load_rows
+from published_rows import numbers, read_rows
+
+BLOCK = re.compile(r"(<!-- block: ([a-z_]+) -->\n)(.*?)(<!-- end -->)", re.S)
+VALUE = re.compile(r"([-+\d.,eE]+)(<!-- = (\S+) -->)")
+
+
+class Missing(Exception):
+    """What the published results lack."""
+
+
+def read_json(path):
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise Missing(f"{path}: {error}") from error
+
+
+# Blocks: (folder of results/published) -> Markdown.
+
+def overview(published):
+    study = tomllib.loads((ROOT / "experiments/studies/overview.toml").read_text())
+    rows = []
+    for scene in map(scene_name, study["scenes"]):
+        for preset in study["presets"]:
+            row = read_json(published / "overview" / f"{scene}_{preset}.json")
+            rows.append({**row, "name": scene, "preset": preset})
+    return markdown_table([COLUMNS] + [table_row(r) for r in rows]) + "\n" \
+        + describe(study, rows[0]) + "\n"
+
+
+def pipeline_presets(published):
+    study = tomllib.loads((ROOT / "experiments/studies/pipeline.toml").read_text())
+    scenes = [scene_name(s) for table in study["ablation"] if table["name"] == "presets"
+              for s in table["scenes"]]
+    results = [read_json(published / "pipeline" / f"presets_{s}.json") for s in scenes]
+    return presets_tables(scenes, results)[0][0] + "\n"
+
+
+LAYOUTS = {"optimized": "`optimized`", "optimized_static": "`optimized`, `lights=own`"}
+
+
+def placement(published):
+    """The summary of placement.md, a row a layout and budget."""
+    text = (published / "placement" / "placement.md").read_text()
+    lines = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines()
+             if line.startswith("| optimized")]
+    found = {(c[0], int(c[2]), c[1]): c for c in lines if c[1].endswith("lights")}
+    rows = [["layout", "N", "scenes", "lights it was trained under", "lights it never saw"]]
+    for name, title in LAYOUTS.items():
+        for probes in sorted({key[1] for key in found}):
+            both = [found.get((name, probes, lights)) for lights in ("same lights",
+                                                                     "held-out lights")]
+            if all(both):
+                rows.append([title, str(probes), both[0][3], *(f"{c[4]} {c[5]}" for c in both)])
+    seeds = sorted({r["seed"] for r in load_rows(published / "placement")
+                    if r["layout"] in LAYOUTS})
+    about = ("One seed, so intervals are over blocks of space alone." if len(seeds) == 1 else
+             f"Seeds {', '.join(map(str, seeds))}.")
+    return aligned(rows) + "\n\n" + about + "\n"
+
+
+BUDGET_SCENES = ("two_rooms_door", "thin_wall/scene_05cm")
+
+
+def budget(published):
+    """Rungs of two scenes: means over seeds and states."""
+    rows = read_rows(published / "budget" / "rows.csv")
+    scenes = [s for s in BUDGET_SCENES if any(r["scene"] == s for r in rows)]
+    table = [["rung", *(t for s in scenes for t in (f"{s.replace('/scene_', ' ')}: nrmse",
+                                                     "share"))]]
+    rungs = {r["rung"]: (r["name"], r["about"]) for r in rows}
+    for rung, (name, about) in sorted(rungs.items()):
+        cells = [f"`{name}`: {about}" if about else f"`{name}`"]
+        for scene in scenes:
+            of = [r for r in rows if r["scene"] == scene and r["rung"] == rung]
+            cells.append(number(statistics.fmean(numbers(of, "error.nrmse"))))
+            cells.append(f"{100 * statistics.fmean(numbers(of, 'error.share')):.1f} %")
+        table.append(cells)
+    about = read_json(published / "budget" / "manifest.json")
+    return aligned(table) + "\n\n" + facts(about) + "\n"
+
+
+def facts(manifest):
+    """Seeds, receivers, device and version of a study, in one line."""
+    plural = "s" * (len(manifest["seeds"]) > 1)
+    return (f"Seed{plural} {', '.join(map(str, manifest['seeds']))}; "
+            f"{', '.join(f'{r:,}' for r in manifest['receivers'])} receivers a scene, held-out "
+            f"half scored; {', '.join(manifest['device'])}, tracer "
+            f"{', '.join(manifest['tracer'])}, version {', '.join(manifest['version'])}.")
+
+
+FIGURES = {
+    "error_vs_n": "Error against the number of probes, by layout, under lights that no layout was "
+                  "trained on; dotted: the noise of the truth",
+    "speed_error": "Error against the time of a 1080p frame and against rays an update; areas "
+                   "are bytes, the step line is the Pareto front, dash-dotted: path tracing in the "
+                   "time of the frame",
+    "budget": "Where the error comes from: one stage after another as finite as in the program",
+}
+
+
+def figures(published):
+    """The figures that matter most, as far as they have been made."""
+    parts = []
+    for name, says in FIGURES.items():
+        if not (published / name / f"{name}.png").exists():
+            continue
+        stored = numbers(read_rows(published / name / "rows.csv"), "probes.stored")
+        about = read_json(published / name / "manifest.json")
+        parts.append(f"![{says}](results/published/{name}/{name}.png)\n\n*{says}. "
+                     f"N: {min(stored):,.0f} to {max(stored):,.0f} probes stored. {facts(about)} "
+                     f"[Whole caption](results/published/{name}/{name}.txt), "
+                     f"[rows](results/published/{name}/rows.csv).*\n")
+    return "\n".join(parts) or "None has been made yet: `scripts/publish`.\n"
+
+
+BLOCKS = {"overview": overview, "pipeline_presets": pipeline_presets, "placement": placement,
+          "budget": budget, "figures": figures}
+
+
+# Single numbers.
+
+def worst_leak(layout):
+    """Through the wall of 5 cm, of the seeds that both layouts below have."""
+    def value(published):
+        leaks = {}
+        for row in load_rows(published / "placement"):
+            if row["scene"] == "thin_wall_05cm" and row["probes"] == 128:
+                leaks.setdefault(row["layout"], {}).setdefault(row["seed"], []).append(
+                    row["light_leak"])
+        both = set(leaks["optimized"]) & set(leaks["grid_best"])
+        return f"{max(v for seed in both for v in leaks[layout][seed]):.0e}".replace("e-0", "e-")
+    return value
+
+
+def preset_bytes(row):
+    def value(published):
+        result = read_json(published / "pipeline" / "presets_cornell.json")
+        of, = (r for r in result["ablation"] if r["row"] == row)
+        return f"{of['memory']['atlas_per_probe']:,}"
+    return value
+
+
+VALUES = {"placement.leak.optimized": worst_leak("optimized"),
+          "placement.leak.grid_best": worst_leak("grid_best"),
+          "pipeline.bytes.probelab": preset_bytes("probelab"),
+          "pipeline.bytes.rtxgi": preset_bytes("base")}
+
+
+def value_of(source, published):
+    if source in VALUES:
+        return VALUES[source](published)
+    file, _, name = source.partition("#")
+    found = read_json(published / file)
+    for part in name.split("."):
+        if not isinstance(found, dict) or part not in found:
+            raise Missing(f"'{source}': there is no '{part}'")
+        found = found[part]
+    return number(found)
+
+
+def renewed(text, published):
+    """The README with the numbers of the published rows, and what was different."""
+    differ = []
+
+    def block(match):
+        head, name, old, tail = match.groups()
+        if name not in BLOCKS:
+            raise Missing(f"README.md: there is no block '{name}'; {', '.join(BLOCKS)}")
+        new = BLOCKS[name](published)
+        if new != old:
+            differ.append(f"block {name}: {first_difference(old, new)}")
+        return head + new + tail
+
+    def value(match):
+        old, mark, source = match.groups()
+        new = value_of(source, published)
+        if new != old:
+            differ.append(f"{source}: README.md says {old}, the rows say {new}")
+        return new + mark
+
+    return VALUE.sub(value, BLOCK.sub(block, text)), differ
+
+
+def first_difference(old, new):
+    for a, b in zip(old.splitlines(), new.splitlines()):
+        if a != b:
+            return f"README.md says '{a.strip()}', the rows say '{b.strip()}'"
+    return "another number of lines"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--check", action="store_true", help="compare, write nothing")
+    what.add_argument("--write", action="store_true", help="put the numbers in")
+    parser.add_argument("--readme", type=pathlib.Path, default=ROOT / "README.md")
+    parser.add_argument("--published", type=pathlib.Path, default=ROOT / "results/published")
+    options = parser.parse_args()
+    text = options.readme.read_text()
+    try:
+        new, differ = renewed(text, options.published)
+    except (Missing, OSError) as error:
+        print(f"readme.py: {error}", file=sys.stderr)
+        return 2
+    for line in differ:
+        print(f"readme.py: {line}", file=sys.stderr)
+    if options.write and new != text:
+        options.readme.write_text(new)
+    return 1 if differ and options.check else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
