@@ -303,8 +303,10 @@ double roughSeconds(const StudyCell& cell) {
       mode != cell.options.end() && mode->second == OptionValues::mapped_type{"temporal"};
   const double updates = number("updates", 64) + (temporal ? 0 : 70);
   const double rays = number("probes", 512) * number("rays", 128) * updates;
-  const double fields = cell.command == "tune" ? 20 : cell.command == "budget" ? 3 : 1;
-  return 1 + number("count", 4096) / 1000 + fields * (1 + rays / 1e6);
+  const double paths =
+      cell.command == "budget" ? number("probes", 512) * number("exact-rays", 16384) : 0;
+  const double fields = cell.command == "tune" ? 20 : 1;
+  return 1 + number("count", 4096) / 1000 + 2 * paths / 1e6 + fields * (0.3 + rays / 2e6);
 }
 
 }  // namespace

@@ -68,7 +68,11 @@ def tables_bias_map(study):
                 key = (cell.scene, float(row["normal_bias"]), float(row["view_bias"]))
                 for metric, column in MAPS.items():
                     grids.setdefault((*key, metric), []).append(float(row[column]))
-        for place in cell.result["bias_map"]["places"]:
+        found = cell.result["bias_map"]["places"]
+        start = " ".join(cell.result["cell"].get("options", {}).get("from", []))
+        for place in found:
+            if place["name"] == "from" and any(p["name"] == start for p in found):
+                continue  # that preset is among them
             places.append({"scene": cell.scene, "seed": cell.seed, "name": place["name"],
                            "normal_bias": place["normal_bias"], "view_bias": place["view_bias"]})
     rows = [{"scene": scene, "normal_bias": normal, "view_bias": view, "metric": metric,
