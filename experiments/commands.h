@@ -20,5 +20,6 @@ void addBenchCommand(Program& program);
 void addBudgetCommand(Program& program);
 void addRunCommand(Program& program);
 void addReportCommand(Program& program);
+void addStabilityCommand(Program& program);
 
 }  // namespace probelab

@@ -19,5 +19,6 @@ int main(int argc, char** argv) {
   probelab::addBudgetCommand(program);
   probelab::addRunCommand(program);
   probelab::addReportCommand(program);
+  probelab::addStabilityCommand(program);
   return program.run(argc, argv);
 }

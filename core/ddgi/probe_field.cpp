@@ -47,6 +47,45 @@ uint32_t reducedRays(const Params& params) {
   return static_cast<uint32_t>(std::max(1.0, std::round(params.rays * params.flat_ray_share)));
 }
 
+// Query points that the shader can take as they are, since it indexes texels by what it computes
+// from them: normals of unit length, and no point without a place or a direction.
+class SanePoints {
+ public:
+  explicit SanePoints(std::span<const QueryPoint> asked) : points_(asked) {
+    const auto is_fine = [](const QueryPoint& p) { return isUsable(p) && isUnit(p.normal); };
+    if (std::all_of(asked.begin(), asked.end(), is_fine)) return;
+    for (std::size_t i = 0; i < asked.size(); ++i) {
+      if (!isUsable(asked[i])) {
+        refused_.push_back(i);
+        continue;
+      }
+      changed_.push_back(asked[i]);
+      Vec3f& normal = changed_.back().normal;
+      if (!isUnit(normal)) normal = Vec3f(normalize(Vec3d(normal)));
+    }
+    points_ = changed_;
+  }
+  std::span<const QueryPoint> points() const { return points_; }
+  const std::vector<std::size_t>& refused() const { return refused_; }
+
+  // Answers of points() -> of those asked, (0, 0, 0, -1) where one was refused.
+  std::vector<Vec4f> spread(std::vector<Vec4f> answers) const {
+    for (const std::size_t i : refused_)
+      answers.insert(answers.begin() + static_cast<std::ptrdiff_t>(i), Vec4f(0, 0, 0, -1));
+    return answers;
+  }
+
+ private:
+  static bool isUnit(const Vec3f& n) { return std::abs(dot(Vec3d(n), Vec3d(n)) - 1) < 1e-4; }
+  static bool isUsable(const QueryPoint& p) {
+    return isFinite(p.position) && isFinite(p.normal) && isFinite(p.view) &&
+           dot(Vec3d(p.normal), Vec3d(p.normal)) > 0;
+  }
+  std::span<const QueryPoint> points_;
+  std::vector<QueryPoint> changed_;  // empty where all are fine
+  std::vector<std::size_t> refused_;
+};
+
 }  // namespace
 
 ProbeField::ProbeField(GpuContext& context, const Scene& scene, const EmbreeScene& embree,
@@ -285,12 +324,14 @@ void ProbeField::readCounters() {
                .tiny_weight_sums = data.tiny_weight_sums,
                .unoccluded_answers = data.answers[PL_ANSWER_UNOCCLUDED],
                .nearest_answers = data.answers[PL_ANSWER_NEAREST],
-               .empty_answers = data.answers[PL_ANSWER_NONE]};
+               .empty_answers = data.answers[PL_ANSWER_NONE] + refused_queries_};
   counters_.fallback_queries =
       counters_.unoccluded_answers + counters_.nearest_answers + counters_.empty_answers;
 }
 
-std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
+std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> asked) {
+  const SanePoints sane(asked);
+  const std::span<const QueryPoint> points = sane.points();
   std::vector<Vec4f> results(points.size());
   for (std::size_t first = 0; first < points.size(); first += kQueryChunk) {
     const auto part =
@@ -305,11 +346,12 @@ std::vector<Vec4f> ProbeField::query(std::span<const QueryPoint> points) {
     download(context_, output,
              std::as_writable_bytes(std::span<Vec4f>(results).subspan(first, part.size())));
   }
+  refused_queries_ += static_cast<uint32_t>(sane.refused().size());
   readCounters();
   for (std::size_t i = 0; i < results.size(); ++i)
     if (!isFinite(Vec3f(results[i].x, results[i].y, results[i].z)))
       throw NumericalError(fmt::format("query: the irradiance at point {} is not finite", i));
-  return results;
+  return sane.spread(std::move(results));
 }
 
 std::vector<double> ProbeField::timeQuery(std::span<const QueryPoint> points, int repeats) {

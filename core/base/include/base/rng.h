@@ -22,6 +22,7 @@ enum class RngStream : uint64_t {
   ray_proxy = 11,
   tuning = 12,
   budget = 13,
+  stability = 14,
 };
 
 // The finaliser of splitmix64 (Steele, Lea, Flood 2014): a bijection on 64 bits.

@@ -72,7 +72,8 @@ class ProbeField {
   void update(uint64_t rotation, const BlendMode& irradiance, const BlendMode& moments);
 
   // The field at points (local coordinates): rgb irradiance, and in w the sum of weights or -1
-  // where the probes' weights gave no answer (counted in counters()).
+  // where the probes' weights gave no answer (counted in counters()). Normals of any length; a
+  // point that is not finite or has no normal gets 0 and counts as an empty answer.
   std::vector<Vec4f> query(std::span<const QueryPoint> points);
   // Milliseconds on the device of one query of `points` (1 to 2^20), `repeats` times after a
   // warm-up.
@@ -164,6 +165,7 @@ class ProbeField {
   uint64_t updates_ = 0;
   double variability_ = 1;
   Counters counters_{};
+  uint32_t refused_queries_ = 0;  // of points that are none; the device never sees them
   uint32_t clamped_uploads_ = 0;  // by setIrradianceTexels; the device does not count them
   std::map<std::string, double> update_stages_;
   double update_wall_ms_ = 0;

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// `probelab stability`: the hard-case table, or the cases that need no special scene on a user's.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/build_info.h"
+#include "base/error.h"
+#include "base/progress.h"
+#include "base/timer.h"
+#include "commands.h"
+#include "common_options.h"
+#include "device.h"
+#include "provenance.h"
+#include "require.h"
+#include "stability/suite.h"
+#include "stability_scene.h"
+#include "table.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kSceneProbes = 64, kSceneReceivers = 256, kSceneUpdates = 16;
+constexpr std::size_t kTitleWidth = 46, kMeasuredWidth = 88;
+
+struct StabilityOptions {
+  SceneStabilityOptions scene;
+  std::string name;  // --case
+};
+
+// Exit code 3.
+class CaseFails : public Error {
+ public:
+  explicit CaseFails(const std::string& message) : Error(message, 3) {}
+};
+
+Json rowJson(const StabilityRow& row) {
+  return {{"id", row.id},
+          {"group", row.group},
+          {"case", row.title},
+          {"tracer", row.tracer},
+          {"format", row.format},
+          {"expectation", row.expectation},
+          {"measured", row.measured.text},
+          {"verdict", verdictName(row.measured.verdict)},
+          {"breaking_point", optionalNumber(row.measured.breaking_point)},
+          {"list", row.list},
+          {"seconds", row.seconds}};
+}
+
+// Broken at spaces, at most `width` columns wide.
+std::vector<std::string> wrapped(const std::string& text, std::size_t width) {
+  std::vector<std::string> lines{""};
+  std::size_t at = 0;
+  while (at < text.size()) {
+    const std::size_t end = std::min(text.find(' ', at), text.size());
+    const std::string word = text.substr(at, end - at);
+    if (!lines.back().empty() && lines.back().size() + 1 + word.size() > width)
+      lines.emplace_back();
+    lines.back() += (lines.back().empty() ? "" : " ") + word;
+    at = end + 1;
+  }
+  return lines;
+}
+
+std::string summary(const Json& cases) {
+  std::map<std::string, int> counts;
+  for (const Json& row : cases) ++counts[row["verdict"].get<std::string>()];
+  return fmt::format("{} hold, {} limit{}, {} fail{}", counts["holds"], counts["limit"],
+                     counts["limit"] == 1 ? "" : "s", counts["fails"],
+                     counts["fails"] == 1 ? "s" : "");
+}
+
+void printCases(const Json& cases) {
+  TextTable table({"case", "verdict", "what", "expected, then measured"}, false);
+  std::string group;
+  for (const Json& row : cases) {
+    if (row["group"] != group) {
+      if (!group.empty()) table.addRow({});
+      group = row["group"].get<std::string>();
+    }
+    const auto what = wrapped(row["case"].get<std::string>(), kTitleWidth);
+    auto right = wrapped(row["expectation"].get<std::string>(), kMeasuredWidth);
+    for (const std::string& line :
+         wrapped("-> " + row["measured"].get<std::string>(), kMeasuredWidth))
+      right.push_back(line);
+    for (std::size_t i = 0; i < std::max(what.size(), right.size()); ++i)
+      table.addRow({i == 0 ? row["id"].get<std::string>() : "",
+                    i == 0 ? row["verdict"].get<std::string>() : "", i < what.size() ? what[i] : "",
+                    i < right.size() ? right[i] : ""});
+  }
+  fmt::print("{}", table.text());
+}
+
+void printScene(const Json& r) {
+  fmt::print("{}", formatFields({{"scene", fmt::format("{}, {}", r["scene"].get<std::string>(),
+                                                       r["state"].get<std::string>())},
+                                 {"probes", r["probes"].dump()},
+                                 {"receivers", r["receivers"].dump()},
+                                 {"parameters", r["params"].get<std::string>()},
+                                 {"nrmse", formatNumber(r["nrmse"].get<double>())}}));
+  TextTable table({"case", "verdict", "what", "change", "measured"}, false);
+  for (const Json& row : r["cases"])
+    table.addRow(
+        {row["id"].get<std::string>(), row["verdict"].get<std::string>(),
+         row["case"].get<std::string>(),
+         row["change"].is_null() ? "-" : fmt::format("{:+.1e}", row["change"].get<double>()),
+         row["measured"].get<std::string>()});
+  fmt::print("\n{}", table.text());
+}
+
+// Prints and ends: exit code 3 where a case fails.
+void finish(const Invocation& invocation, Json& result, double seconds, bool of_scene) {
+  result["seconds"] = seconds;
+  reportResult(invocation, result, [&] {
+    of_scene ? printScene(result) : printCases(result["cases"]);
+    fmt::print("\n{}, {}\n", summary(result["cases"]), formatDuration(seconds));
+    if (of_scene) fmt::print("{}\n", result["trusted"].get<std::string>());
+  });
+  std::string failed;
+  for (const Json& row : result["cases"])
+    if (row["verdict"] == "fails")
+      failed += (failed.empty() ? "" : ", ") + row["id"].get<std::string>();
+  if (!failed.empty()) throw CaseFails("cases that fail: " + failed);
+}
+
+Json runSuite(const StabilityOptions& options, const Invocation& invocation) {
+  std::vector<PlannedRow> planned = planRows(options.name);
+  std::erase_if(planned, [&](const PlannedRow& row) {
+    return options.scene.tracer != "both" && !row.variant.tracer.empty() &&
+           row.variant.tracer != "reference" && row.variant.tracer != options.scene.tracer;
+  });
+  Provenance provenance = makeProvenance(invocation);
+  GpuContext gpu = openDevice(invocation, provenance);
+  if (!gpu.info().ray_query && options.scene.tracer == "rayquery")
+    throw DeviceError(gpu.info().name + " has no ray query; use --tracer embree");
+  if (!gpu.info().ray_query && options.scene.tracer == "both")
+    note(invocation, "{} has no ray query: rows of the tracer rayquery are left out",
+         gpu.info().name);
+  Progress progress("stability", static_cast<double>(planned.size()), invocation.common.quiet);
+  Json cases = Json::array();
+  runRows(gpu, planned, [&](const StabilityRow& row) {
+    cases.push_back(rowJson(row));
+    progress.update(static_cast<double>(cases.size()));
+  });
+  progress.finish();
+  requireNoValidationMessages(gpu);
+  provenance.tracer = options.scene.tracer;
+  return {{"cases", cases},
+          {"device", gpu.info().name},
+          {"version", buildInfo().version},
+          {"provenance", toJson(provenance)}};
+}
+
+void runStability(const StabilityOptions& options, const Invocation& invocation) {
+  const Timer timer;
+  const bool of_scene = !options.scene.scene.scene.empty();
+  Json result = of_scene ? runSceneStability(options.scene, options.name, invocation)
+                         : runSuite(options, invocation);
+  finish(invocation, result, timer.seconds(), of_scene);
+}
+
+}  // namespace
+
+void addStabilityCommand(Program& program) {
+  auto options = std::make_shared<StabilityOptions>();
+  CLI::App& app = program.addCommand(
+      "stability",
+      "the hard-case table: what holds, what fails, and where limits lie; on a SCENE, the cases "
+      "that need no special one, and which digits of its nrmse can be trusted",
+      "probelab stability --case geometry",
+      [options](const Invocation& invocation) { runStability(*options, invocation); });
+  SceneStabilityOptions& scene = options->scene;
+  scene.field.probes = kSceneProbes;
+  scene.field.updates = kSceneUpdates;
+  scene.truth.count = kSceneReceivers;
+  app.add_option("SCENE", scene.scene.scene,
+                 "a glTF, GLB or scene TOML file; without it, the suite's own scenes");
+  app.add_option("--case", options->name,
+                 "a row, a case or the beginning of their names ('geometry', 'probe.few'), or a "
+                 "pattern with '*' ('*rgb10a2'); default: all")
+      ->type_name("NAME")
+      ->check(checkNamed);
+  app.add_option("--tracer", scene.tracer, "rows of this tracer: embree, rayquery, both")
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"embree", "rayquery", "both"}))
+      ->capture_default_str();
+  app.add_option("--state", scene.scene.state, "lighting state of SCENE (default: its first)")
+      ->type_name("NAME")
+      ->group("With a SCENE");
+  app.add_option("--updates", scene.field.updates,
+                 fmt::format("updates in the average (default: {})", kSceneUpdates))
+      ->type_name("N")
+      ->check(checkPositiveInteger)
+      ->group("With a SCENE");
+  addStrategyOptions(app, scene.field);
+  addParamsOptions(app, scene.field);
+  addTruthOptions(app, scene.truth);
+}
+
+}  // namespace probelab

@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Triangles that should not be there, lie on each other, face the wrong way or are missing.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "base/rng.h"
+#include "cases.h"
+#include "hostile_files.h"
+
+namespace probelab {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+Measurement nonFiniteVertex(Workbench& bench, const CaseVariant&) {
+  Measurement result = checked(true, "");
+  for (const float bad : {kNan, kInf, -kInf})
+    result = refused(
+        [&] {
+          loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, bad, 0}));
+        },
+        {"mesh 'seat'", "element 2"});
+  return result;
+}
+
+Measurement farVertex(Workbench& bench, const CaseVariant&) {
+  const Measurement fine = checked(
+      loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, 9e6f, 0})).geometry->triangles.size() == 1,
+      "9e6 m loads");
+  return both(fine, refused(
+                        [&] {
+                          loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, 2e7f, 0}));
+                        },
+                        {"mesh 'seat'", "vertex 2", "beyond 10000000"}));
+}
+
+// Hits of rays at a triangle, with two triangles without an area beside it.
+Measurement zeroArea(Workbench& bench, const CaseVariant&) {
+  const BuiltScene clean(loadTiny(bench, TinyGltf()));
+  const BuiltScene dirty(
+      loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, 1, 0, 2, 0, 0}, {0, 1, 2, 0, 0, 1, 0, 1, 3})));
+  const Geometry& geometry = *dirty.scene.geometry;
+  bool same = geometry.triangles.size() == 1 && geometry.dropped_degenerate == 2 &&
+              !dirty.scene.warnings.empty();
+  Rng rng(1, RngStream::stability);
+  const Vec3d moved = clean.scene.origin - dirty.scene.origin;
+  for (int i = 0; i < 1000; ++i) {
+    const Vec3f from(rng.nextFloat() - 0.5f, rng.nextFloat() - 0.5f, 1);
+    const Hit a = clean.embree.closest(Ray{from, 0, Vec3f(0, 0, -1), 10});
+    const Hit b = dirty.embree.closest(Ray{Vec3f(Vec3d(from) + moved), 0, Vec3f(0, 0, -1), 10});
+    same = same && (a.primitive == kNoHit) == (b.primitive == kNoHit);
+  }
+  return checked(same, fmt::format("{} dropped, {} kept, {} warnings, 1000 rays alike",
+                                   geometry.dropped_degenerate, geometry.triangles.size(),
+                                   dirty.scene.warnings.size()));
+}
+
+// A triangle of 1e-20 m in the air of a furnace, and rays from everywhere at it.
+Measurement tinyTriangle(Workbench& bench, const CaseVariant& variant) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f), Vec3f(1));
+  builder.box(Vec3f(0), Vec3f(2), m, true);
+  builder.triangle(Vec3f(0), Vec3f(1e-20f, 0, 0), Vec3f(0, 1e-20f, 0), m);
+  const BuiltScene scene(builder.finish());
+  Rng rng(2, RngStream::stability);
+  std::vector<Ray> rays;
+  for (int i = 0; i < 2000; ++i) {
+    const Vec3f from(rng.nextFloat() * 2, rng.nextFloat() * 2, rng.nextFloat() * 2);
+    rays.push_back({from, 0, normalize(from * -1.0f), 100});
+  }
+  rays.push_back({Vec3f(0), 0, Vec3f(1, 0, 0), 100});  // starts on it
+  int odd = 0;
+  for (const Hit& hit : bench.closest(scene, rays, variant))
+    if (!(hit.t >= 0) || !std::isfinite(hit.u) || !std::isfinite(hit.v)) ++odd;
+  const bool dropped =
+      loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, 1, 0, 1e-20f, 0, 0, 0, 1e-20f, 0},
+                               {0, 1, 2, 0, 3, 4}))
+          .geometry->dropped_degenerate == 1;
+  return checked(odd == 0 && dropped, fmt::format("{} of {} hits not finite, {} by the loader", odd,
+                                                  rays.size(), dropped ? "dropped" : "kept"));
+}
+
+Measurement indexOutOfRange(Workbench& bench, const CaseVariant&) {
+  return refused(
+      [&] {
+        loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, 1, 0}, {0, 1, 3}));
+      },
+      {"mesh 'seat'", "index 3", "out of range"});
+}
+
+// Six walls, `copies` of every triangle, emitting or under a point light.
+Answers copiedRoom(Workbench& bench, const CaseVariant& variant, int copies, bool emitting) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f), Vec3f(emitting ? 1.0f : 0.0f));
+  for (int i = 0; i < copies; ++i) builder.box(Vec3f(0), Vec3f(2), m, true);
+  if (!emitting) builder.pointLight(Vec3f(0.9f, 1.3f, 1.1f), Vec3f(1));
+  const BuiltScene scene(builder.finish());
+  Params params = exactParams("rtxgi");
+  params.rays = 64;
+  return answersAt(bench, scene, furnaceLayout(scene.scene), params, furnacePoints(), variant);
+}
+
+Measurement duplicateWalls(Workbench& bench, const CaseVariant& variant) {
+  return near(copiedRoom(bench, variant, 2, false), copiedRoom(bench, variant, 1, false), 1e-5);
+}
+
+Measurement duplicateEmitters(Workbench& bench, const CaseVariant& variant) {
+  return near(copiedRoom(bench, variant, 2, true), copiedRoom(bench, variant, 1, true), 1e-5);
+}
+
+// A floor of two materials in one place, and of each alone.
+Measurement coplanarAlbedo(Workbench& bench, const CaseVariant& variant) {
+  const auto answer = [&](std::initializer_list<float> floors) {
+    SceneBuilder builder;
+    builder.box(Vec3f(0), Vec3f(2), builder.material(Vec3f(0.5f), Vec3f(1)), true);
+    for (const float albedo : floors)
+      builder.quad(Vec3f(0, 0.1f, 0), Vec3f(0, 0.1f, 2), Vec3f(2, 0.1f, 2), Vec3f(2, 0.1f, 0),
+                   builder.material(Vec3f(albedo)));
+    const BuiltScene scene(builder.finish());
+    Params params = exactParams("rtxgi");
+    params.rays = 64;
+    const auto field = bench.field(scene, furnaceLayout(scene.scene), params, variant);
+    for (uint64_t u = 0; u < 3; ++u) field->update(u, {}, {});
+    const std::vector<QueryPoint> ceiling{{Vec3f(1, 2, 1), Vec3f(0, -1, 0), Vec3f(0, 1, 0)}};
+    return field->query(ceiling).front().y;
+  };
+  const float dark = answer({0.2f}), bright = answer({0.8f});
+  const float first = answer({0.2f, 0.8f}), again = answer({0.2f, 0.8f});
+  return checked(first == again && first >= dark && first <= bright,
+                 fmt::format("{:.4g} twice, alone {:.4g} and {:.4g}", first, dark, bright));
+}
+
+// Rays from inside a closed sphere at its vertices and edges; shares that get out.
+Measurement vertexRays(Workbench& bench, const CaseVariant& variant) {
+  SceneBuilder builder;
+  builder.sphere(Vec3f(0), 1, 3, builder.material(Vec3f(0.5f)), true);
+  const BuiltScene scene(builder.finish());
+  const Geometry& g = *scene.scene.geometry;
+  Rng rng(3, RngStream::stability);
+  constexpr std::size_t kRays = 20000;
+  std::vector<Ray> rays;
+  for (std::size_t i = 0; i < 3 * kRays; ++i) {
+    const Vec3f from = randomDirection(rng) * (0.8f * rng.nextFloat());
+    const Triangle& t = g.triangles[rng.nextBelow(g.triangles.size())];
+    const float along = i < kRays ? 0.0f : rng.nextFloat();
+    Vec3f to = g.positions[t.vertex[0]] * (1 - along) + g.positions[t.vertex[1]] * along;
+    if (i >= 2 * kRays) to = randomDirection(rng);
+    rays.push_back({from, 0, normalize(to - from), 100});
+  }
+  const std::vector<Hit> hits = bench.closest(scene, rays, variant);
+  double escaped[3] = {};
+  for (std::size_t i = 0; i < hits.size(); ++i)
+    if (hits[i].primitive == kNoHit) escaped[i / kRays] += 1.0 / kRays;
+  return checked(escaped[0] <= 0.005 && escaped[1] == 0 && escaped[2] == 0,
+                 fmt::format("escapes: vertices {:.2g} %, edges {:.2g} %, random {:.2g} %",
+                             100 * escaped[0], 100 * escaped[1], 100 * escaped[2]));
+}
+
+Params quickParams() {
+  Params params = exactParams("probelab");
+  params.rays = 64;
+  return params;
+}
+
+Measurement invertedNormals(Workbench& bench, const CaseVariant& variant) {
+  SceneBuilder builder;
+  builder.box(Vec3f(0), Vec3f(2), builder.material(Vec3f(0.5f), Vec3f(1)), false);
+  const BuiltScene scene(builder.finish());
+  const std::vector<QueryPoint> air{upAt(Vec3f(1)), upAt(Vec3f(0.5f, 1.4f, 0.7f))};
+  double most = 0;
+  for (const double e :
+       answersAt(bench, scene, furnaceLayout(scene.scene), quickParams(), air, variant).e)
+    most = std::max(most, e);
+  return within(most, 0, "largest E");
+}
+
+// No lid, and a fin that makes an edge of three faces.
+Measurement openBox(Workbench& bench, const CaseVariant& variant) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0.5f), Vec3f(1));
+  builder.box(Vec3f(0), Vec3f(2), m, true);
+  builder.geometry().triangles.resize(builder.geometry().triangles.size() - 2);
+  builder.quad(Vec3f(0), Vec3f(2, 0, 0), Vec3f(2, 0.2f, 0.2f), Vec3f(0, 0.2f, 0.2f), m);
+  const BuiltScene scene(builder.finish());
+  const std::vector<QueryPoint> points{upAt(Vec3f(1)), upAt(Vec3f(1, 0, 1))};
+  const Answers answers = answersAt(bench, scene, furnaceLayout(scene.scene), quickParams(), points,
+                                    variant, {.updates = 6});
+  const auto [least, most] = std::minmax_element(answers.e.begin(), answers.e.end());
+  return checked(*least > 0 && *most <= kPi / 0.5,
+                 fmt::format("E {:.4g} to {:.4g}, closed {:.4g}", *least, *most, kPi / 0.5));
+}
+
+Measurement fewTriangles(Workbench& bench, const CaseVariant& variant) {
+  Measurement result;
+  for (const bool triangle : {false, true}) {
+    SceneBuilder builder;
+    builder.scene().sky.radiance = Vec3f(0.7f);
+    builder.scene().bounds = {Vec3f(0), Vec3f(2)};
+    // Behind all normals, and too small for a ray to find it.
+    if (triangle)
+      builder.triangle(Vec3f(0, -9, 0), Vec3f(0, -9, 1e-3f), Vec3f(1e-3f, -9, 0),
+                       builder.material(Vec3f(0.5f)));
+    const BuiltScene scene(builder.finish());
+    const std::vector<QueryPoint> points{upAt(Vec3f(1)), upAt(Vec3f(0.4f, 1.9f, 0.2f))};
+    const Box3f& b = scene.scene.bounds;
+    const Measurement one = near(answersAt(bench, scene, fullLattice(b, Vec3i(2, 2, 2), b),
+                                           quickParams(), points, variant, {.updates = 1}),
+                                 std::vector<double>(2, kPi * static_cast<double>(0.7f)), 1e-5);
+    result = triangle ? both(result, one) : one;
+  }
+  return result;
+}
+
+}  // namespace
+
+std::vector<StabilityCase> geometryCases() {
+  const auto tracers = bothTracers();
+  const auto all = bothTracersAndReference();
+  return {
+      {"geometry.non_finite_vertex",
+       "NaN or infinite vertex",
+       "error naming mesh and vertex (Embree would drop it silently)",
+       "G1",
+       {},
+       nonFiniteVertex},
+      {"geometry.far_vertex",
+       "coordinate beyond 1e7 m",
+       "error naming mesh and vertex; below it loads",
+       "G2",
+       {},
+       farVertex},
+      {"geometry.zero_area",
+       "triangles without an area",
+       "dropped, counted, warned; hits unchanged",
+       "G3",
+       {},
+       zeroArea},
+      {"geometry.tiny_triangle", "triangle of 1e-20 m", "dropped by the loader; no hit at t = NaN",
+       "G4", tracers, tinyTriangle},
+      {"geometry.index_range",
+       "index beyond the vertices",
+       "error naming mesh and index",
+       "G5",
+       {},
+       indexOutOfRange},
+      {"geometry.duplicate_walls", "every triangle twice, lamp",
+       "E as with one: 1e-5 (equal hits); reference 5 standard errors", "G6", all, duplicateWalls},
+      {"geometry.duplicate_emitters", "every triangle twice, emitting",
+       "E as with one: 1e-5 (equal hits); reference 5 standard errors", "G6", all,
+       duplicateEmitters},
+      {"geometry.coplanar_albedo", "floors of two albedos in one plane",
+       "the same bits twice, between the two alone", "G7", tracers, coplanarAlbedo},
+      {"geometry.vertex_rays", "rays at vertices and edges of a closed sphere",
+       "escapes at most 0.5 % at vertices (robust mode: 0.26 %), 0 elsewhere", "G10", tracers,
+       vertexRays},
+      {"geometry.inverted_normals", "an emitting room turned inside out",
+       "back faces are black and do not emit: E = 0", "G12", all, invertedNormals},
+      {"geometry.open_box", "box without a lid, edge of three faces",
+       "0 < E <= pi Le / (1 - albedo), the closed value", "G13", all, openBox},
+      {"geometry.few_triangles", "no triangle, or one, under a sky", "E = pi L within 1e-5", "G14",
+       all, fewTriangles},
+  };
+}
+
+}  // namespace probelab

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "stability/suite.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "base/interrupt.h"
+#include "base/suggest.h"
+#include "base/timer.h"
+#include "cases.h"
+
+namespace probelab {
+namespace {
+
+std::string rowId(const StabilityCase& of, const CaseVariant& variant) {
+  std::string id = of.id;
+  for (const std::string& part : {variant.tracer, variant.format})
+    if (!part.empty()) id += "/" + part;
+  return id;
+}
+
+// '*' stands for any text.
+bool matchesPattern(std::string_view text, std::string_view pattern) {
+  if (pattern.empty()) return text.empty();
+  if (pattern.front() != '*')
+    return !text.empty() && text.front() == pattern.front() &&
+           matchesPattern(text.substr(1), pattern.substr(1));
+  for (std::size_t skip = 0; skip <= text.size(); ++skip)
+    if (matchesPattern(text.substr(skip), pattern.substr(1))) return true;
+  return false;
+}
+
+Measurement runGuarded(const PlannedRow& row, Workbench& bench) {
+  try {
+    return row.of.run(bench, row.variant);
+  } catch (const Interrupted&) {
+    throw;
+  } catch (const std::exception& error) {
+    return {Verdict::fails, std::string("exception: ") + error.what(), std::nullopt};
+  }
+}
+
+}  // namespace
+
+bool matchesCase(const std::string& id, const std::string& name) {
+  return name.empty() || id.starts_with(name) || matchesPattern(id, name);
+}
+
+const char* verdictName(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::holds:
+      return "holds";
+    case Verdict::limit:
+      return "limit";
+    case Verdict::fails:
+      return "fails";
+  }
+  return "";
+}
+
+std::vector<StabilityCase> stabilityCases() {
+  std::vector<StabilityCase> all;
+  for (const auto& group :
+       {geometryCases, shiftCases, lightingCases, brightnessCases, probeCases, momentCases,
+        temporalCases, queryCases, formatCases, fileCases, placementCases})
+    for (StabilityCase& of : group()) {
+      if (of.variants.empty()) of.variants.push_back({});
+      all.push_back(std::move(of));
+    }
+  return all;
+}
+
+std::vector<PlannedRow> planRows(const std::string& name) {
+  std::vector<PlannedRow> planned;
+  std::vector<std::string> known;
+  for (const StabilityCase& of : stabilityCases()) {
+    known.push_back(of.id);
+    for (const CaseVariant& variant : of.variants) {
+      const std::string id = rowId(of, variant);
+      if (id != of.id) known.push_back(id);
+      if (matchesCase(id, name)) planned.push_back({of, variant, id});
+    }
+  }
+  if (planned.empty())
+    throwInput("--case: no case is called '{}'{}", name, suggestion(name, known));
+  return planned;
+}
+
+std::vector<StabilityRow> runRows(GpuContext& gpu, const std::vector<PlannedRow>& planned,
+                                  const std::function<void(const StabilityRow&)>& on_row) {
+  Workbench bench(gpu);
+  std::vector<StabilityRow> rows;
+  for (const PlannedRow& row : planned) {
+    throwIfInterrupted();
+    if (row.variant.tracer == "rayquery" && !gpu.info().ray_query) continue;
+    const Timer timer;
+    StabilityRow result{row.id,
+                        row.of.id.substr(0, row.of.id.find('.')),
+                        row.of.title,
+                        row.variant.tracer,
+                        row.variant.format,
+                        row.of.expectation,
+                        row.of.list,
+                        runGuarded(row, bench),
+                        0};
+    result.seconds = timer.seconds();
+    if (on_row) on_row(result);
+    rows.push_back(std::move(result));
+  }
+  return rows;
+}
+
+}  // namespace probelab

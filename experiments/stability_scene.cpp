@@ -1,0 +1,422 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "stability_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/progress.h"
+#include "base/suggest.h"
+#include "base/timer.h"
+#include "device.h"
+#include "evaluation.h"
+#include "layout_source.h"
+#include "stability/suite.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kSeeds = 5;
+constexpr int kSwitched = 32;  // updates before, in and after the dark
+constexpr float kSwitchHysteresis = 0.5f;
+
+// A variation of the run.
+struct Run {
+  SceneMap map;
+  Params params;
+  TracerKind tracer = TracerKind::embree;
+  uint64_t seed = 0;
+  int threads = 0;
+};
+
+struct RowPlan {
+  std::string id, title, tracer, format, expectation;
+  std::function<Measurement()> measure;
+};
+
+class SceneSuite {
+ public:
+  SceneSuite(const SceneStabilityOptions& options, const Invocation& invocation)
+      : options_(options),
+        invocation_(invocation),
+        setup_(options.scene, invocation),
+        params_(resolveParams(options.field)),
+        truth_(
+            obtainTruth(options.truth, setup_.scene, setup_.embree, setup_.reachability, invocation)
+                .receivers) {}
+
+  Json run(const std::string& name);
+
+ private:
+  struct Answer {
+    std::vector<Vec3f> estimates;
+    double nrmse = 0;
+  };
+  Run base() const {
+    return {{}, params_, mainTracer(), invocation_.common.seed, invocation_.common.threads};
+  }
+  TracerKind mainTracer() const {
+    return options_.tracer == "rayquery" ? TracerKind::rayquery : TracerKind::embree;
+  }
+  double nrmseOf(const std::vector<Vec3f>& estimates) const;
+  std::vector<QueryPoint> queryPoints(const SceneMap& map) const;
+  ProbeLayout layoutOf(const Scene& scene, const EmbreeScene& embree, const Params& params) const;
+  std::unique_ptr<ProbeField> field(const Scene& scene, const EmbreeScene& embree, const Run& run);
+  Answer answer(const Run& run);
+  void measureBase();
+  std::vector<RowPlan> plan();
+  Measurement moved(const Run& run);
+  Measurement sameBits(const Run& run);
+  Measurement firstUpdate();
+  Measurement lightOffAndOn();
+  Json describe(const Json& rows) const;
+
+  const SceneStabilityOptions& options_;
+  const Invocation& invocation_;
+  SceneSetup setup_;
+  Params params_;
+  Receivers truth_;
+  Answer base_answer_;
+  double deviation_ = 0;  // of nrmse over seeds
+  double spread_ = 0;     // largest change by what must not matter
+  std::vector<double> changes_;
+};
+
+double SceneSuite::nrmseOf(const std::vector<Vec3f>& estimates) const {
+  const std::optional<double> nrmse = scoreEstimates(estimates, truth_, ScoredSplit::all).all.nrmse;
+  if (!nrmse) throwInput("{}: no receiver gets light, so nrmse is undefined", setup_.scene.path);
+  return *nrmse;
+}
+
+std::vector<QueryPoint> SceneSuite::queryPoints(const SceneMap& map) const {
+  std::vector<QueryPoint> points;
+  for (const Receiver& r : truth_.points)
+    points.push_back({map.point(r.position), map.direction(r.normal), map.direction(r.view)});
+  return points;
+}
+
+ProbeLayout SceneSuite::layoutOf(const Scene& scene, const EmbreeScene& embree,
+                                 const Params& params) const {
+  const Reachability reachability = findReachable(scene, embree);
+  return obtainLayout({scene, embree, reachability}, options_.field, params,
+                      invocation_.common.seed, "");
+}
+
+std::unique_ptr<ProbeField> SceneSuite::field(const Scene& scene, const EmbreeScene& embree,
+                                              const Run& run) {
+  FieldSettings settings;
+  settings.seed = run.seed;
+  settings.tracer = run.tracer;
+  return std::make_unique<ProbeField>(setup_.gpu, scene, embree,
+                                      layoutOf(scene, embree, run.params), run.params, settings);
+}
+
+SceneSuite::Answer SceneSuite::answer(const Run& run) {
+  const ThreadLimit limit(run.threads);
+  const Scene scene = mappedScene(setup_.scene, run.map);
+  const EmbreeScene embree(scene);
+  const auto probes = field(scene, embree, run);
+  convergeField(*probes, {.average = options_.field.updates.value_or(kDefaultAveraged)});
+  Answer result;
+  for (const Vec4f& e : probes->query(queryPoints(run.map)))
+    result.estimates.emplace_back(e.x, e.y, e.z);
+  result.nrmse = nrmseOf(result.estimates);
+  return result;
+}
+
+// The seeds are what everything else is measured against.
+void SceneSuite::measureBase() {
+  base_answer_ = answer(base());
+  double sum = 0, squares = 0;
+  for (int i = 0; i < kSeeds; ++i) {
+    Run run = base();
+    run.seed += static_cast<uint64_t>(i);
+    const double nrmse = i == 0 ? base_answer_.nrmse : answer(run).nrmse;
+    sum += nrmse, squares += nrmse * nrmse;
+  }
+  const double mean = sum / kSeeds;
+  deviation_ = std::sqrt(std::max(0.0, squares / kSeeds - mean * mean) * kSeeds / (kSeeds - 1.0));
+  spread_ = 2 * deviation_;
+}
+
+// What only rounds differently, or has other noise: within 4 deviations of the seeds.
+Measurement SceneSuite::moved(const Run& run) {
+  const double change = answer(run).nrmse - base_answer_.nrmse;
+  const double bound = std::max(4 * deviation_, 1e-6 * base_answer_.nrmse);
+  changes_.push_back(change);
+  const bool within = std::abs(change) <= bound;
+  return {within ? Verdict::holds : Verdict::limit,
+          fmt::format("{:+.2g}, 4 deviations of the seeds {:.2g}", change, bound),
+          within ? std::nullopt : std::optional(std::abs(change))};
+}
+
+Measurement SceneSuite::sameBits(const Run& run) {
+  const bool same = answer(run).estimates == base_answer_.estimates;
+  changes_.push_back(0);
+  return {same ? Verdict::holds : Verdict::fails, same ? "the same bits" : "different",
+          std::nullopt};
+}
+
+Measurement SceneSuite::firstUpdate() {
+  std::vector<Vec4f> answers[2];
+  bool black = true;
+  for (auto& after : answers) {
+    const auto probes = field(setup_.scene, setup_.embree, base());
+    for (const Vec3f& t : probes->irradianceTexels()) black = black && t == Vec3f(0);
+    probes->update(0, {}, {});
+    after = probes->query(queryPoints({}));
+  }
+  const bool same = answers[0] == answers[1];
+  changes_.push_back(0);
+  return {black && same ? Verdict::holds : Verdict::fails,
+          fmt::format("{} before it, {} twice", black ? "black" : "not black",
+                      same ? "the same bits" : "different"),
+          std::nullopt};
+}
+
+Scene darkened(Scene scene) {
+  for (Light& light : scene.lights) light.intensity = Vec3f(0);
+  for (Material& material : scene.materials) {
+    material.emission = Vec3f(0);
+    material.emission_texture = {};
+  }
+  scene.sky = {};
+  return scene;
+}
+
+// The same updates twice, the second time with the light off in between.
+Measurement SceneSuite::lightOffAndOn() {
+  Run run = base();
+  run.params.change_detector = PL_CHANGE_NONE;
+  const Scene dark_scene = darkened(setup_.scene);
+  const BlendMode mode{.hysteresis = kSwitchHysteresis};
+  const auto lit = field(setup_.scene, setup_.embree, run);
+  const auto dark = field(dark_scene, setup_.embree, run);
+  const auto update = [&](ProbeField& probes, int first) {
+    for (int u = 0; u < kSwitched; ++u) probes.update(static_cast<uint64_t>(first + u), mode, mode);
+  };
+  const auto score = [&](ProbeField& probes) {
+    std::vector<Vec3f> estimates;
+    double mean = 0;
+    for (const Vec4f& e : probes.query(queryPoints({}))) {
+      estimates.emplace_back(e.x, e.y, e.z);
+      mean += luminance(Vec3d(estimates.back())) / static_cast<double>(truth_.points.size());
+    }
+    return std::pair(nrmseOf(estimates), mean);
+  };
+  for (int i = 0; i < 4; ++i) update(*lit, i * kSwitched);
+  const auto [before, lit_mean] = score(*lit);
+  dark->setIrradianceTexels(lit->irradianceTexels());
+  update(*dark, 0);
+  const double left = score(*dark).second / lit_mean;
+  lit->setIrradianceTexels(dark->irradianceTexels());
+  for (int i = 2; i < 4; ++i) update(*lit, i * kSwitched);
+  const double change = score(*lit).first - before;
+  // Every update leaves h + (1 - h) rho of what is missing, rho the largest albedo.
+  double rho = 0;
+  for (const Material& m : setup_.scene.materials)
+    rho = std::max(rho, static_cast<double>(maxComponent(m.base_color) * (1 - m.metallic)));
+  const double kept = std::pow(0.5 + 0.5 * std::min(rho, 1.0), kSwitched);
+  const double bound = std::max(4 * deviation_, base_answer_.nrmse * kept * kept);
+  changes_.push_back(change);
+  const bool holds = left <= kept * 1.01 + 1e-3 && std::abs(change) <= bound;
+  return {
+      holds ? Verdict::holds : Verdict::limit,
+      fmt::format("{:.2g} of the light left after {} dark updates (at most {:.2g}), nrmse {:+.2g}",
+                  left, kSwitched, kept, change),
+      holds ? std::nullopt : std::optional(std::abs(change))};
+}
+
+std::vector<RowPlan> SceneSuite::plan() {
+  std::vector<RowPlan> rows;
+  const std::string tracer = mainTracer() == TracerKind::embree ? "embree" : "rayquery";
+  const auto add = [&](const std::string& id, const std::string& title, const std::string& format,
+                       const std::string& expectation, std::function<Measurement()> measure) {
+    rows.push_back({"scene." + id, title, tracer, format, expectation, std::move(measure)});
+  };
+  const auto with = [&](const std::function<void(Run&)>& change) {
+    Run run = base();
+    change(run);
+    return [this, run] { return moved(run); };
+  };
+  const std::string noise = "within 4 deviations of the seeds";
+  add("seeds", fmt::format("{} seeds", kSeeds), "", "the noise of the rays", [this] {
+    return Measurement{Verdict::holds, fmt::format("standard deviation {:.2g}", deviation_),
+                       std::nullopt};
+  });
+  add("repeat", "once more", "", "the same bits", [this] { return sameBits(base()); });
+  add("threads", "one thread", "", "the same bits", [this] {
+    Run run = base();
+    run.threads = 1;
+    return sameBits(run);
+  });
+  const Vec3f diagonal(setup_.scene.bounds.diagonal());
+  add("translate", "moved by 16 diagonals", "", noise,
+      with([&](Run& r) { r.map.shift = diagonal * 16.0f; }));
+  add("scale_down", "a hundredth of the size", "", noise,
+      with([](Run& r) { r.map.scale = 0.01f; }));
+  add("scale_up", "a hundred times the size", "", noise, with([](Run& r) { r.map.scale = 100; }));
+  add("mirror", "mirrored in x", "", noise, with([](Run& r) { r.map.mirror = true; }));
+  if (options_.tracer == "both" && setup_.gpu.info().ray_query) {
+    add("tracer", "the other tracer", "", noise,
+        with([](Run& r) { r.tracer = TracerKind::rayquery; }));
+    rows.back().tracer = "rayquery";
+  }
+  add("first_update", "the first update", "", "black before, the same bits twice",
+      [this] { return firstUpdate(); });
+  add("light_off_on", "light off and on again", "",
+      "h + (1 - h) albedo an update, the same nrmse again", [this] { return lightOffAndOn(); });
+  for (const char* format : {"rgba32f", "rgba16f", "r11g11b10f", "rgb10a2"})
+    add(std::string("format/") + format, "another irradiance format", format, noise,
+        with([&](Run& r) { setParam(r.params, std::string("irradiance_format=") + format); }));
+  if (params_.visibility != 0)
+    for (const char* format : {"rg32f", "rg16f"})
+      add(std::string("moments/") + format, "another moment format", format, noise,
+          with([&](Run& r) { setParam(r.params, std::string("moment_format=") + format); }));
+  return rows;
+}
+
+Json SceneSuite::describe(const Json& rows) const {
+  const int digits = trustedDigits(base_answer_.nrmse, spread_);
+  return {
+      {"scene", setup_.scene.name},
+      {"state", setup_.scene.state},
+      {"probes", options_.field.probes},
+      {"receivers", truth_.points.size()},
+      {"params", params_.name},
+      {"nrmse", base_answer_.nrmse},
+      {"seed_deviation", deviation_},
+      {"spread", spread_},
+      {"digits", digits},
+      {"trusted",
+       digits == 0
+           ? fmt::format("No digit of nrmse {:.4g} can be trusted: what must not matter moves it "
+                         "by {:.2g}.",
+                         base_answer_.nrmse, spread_)
+           : fmt::format("The first {} digit{} of nrmse {:.4g} can be trusted ({:.{}g}): what "
+                         "must not matter moves it by at most {:.2g}.",
+                         digits, digits == 1 ? "" : "s", base_answer_.nrmse, base_answer_.nrmse,
+                         digits, spread_)},
+      {"cases", rows},
+      {"device", setup_.gpu.info().name},
+      {"provenance", toJson(setup_.provenance)}};
+}
+
+Json SceneSuite::run(const std::string& name) {
+  std::vector<RowPlan> rows = plan();
+  std::vector<std::string> known;
+  for (const RowPlan& row : rows) known.push_back(row.id);
+  if (!name.empty())
+    std::erase_if(rows, [&](const RowPlan& row) { return !matchesCase(row.id, name); });
+  if (rows.empty()) throwInput("--case: no case is called '{}'{}", name, suggestion(name, known));
+  Progress progress("stability", static_cast<double>(rows.size() + kSeeds),
+                    invocation_.common.quiet);
+  measureBase();
+  progress.update(kSeeds);
+  Json list = Json::array();
+  for (const RowPlan& row : rows) {
+    const Timer timer;
+    const std::size_t had = changes_.size();
+    const Measurement m = row.measure();
+    const Json change = changes_.size() > had ? Json(changes_.back()) : Json(nullptr);
+    // Formats are the user's choice: they are no reason to trust a digit less.
+    if (changes_.size() > had && row.format.empty())
+      spread_ = std::max(spread_, std::abs(changes_.back()));
+    list.push_back({{"id", row.id},
+                    {"group", "scene"},
+                    {"case", row.title},
+                    {"tracer", row.tracer},
+                    {"format", row.format},
+                    {"expectation", row.expectation},
+                    {"measured", m.text},
+                    {"verdict", verdictName(m.verdict)},
+                    {"change", change},
+                    {"breaking_point", optionalNumber(m.breaking_point)},
+                    {"seconds", timer.seconds()}});
+    progress.update(static_cast<double>(kSeeds + list.size()));
+  }
+  progress.finish();
+  requireNoValidationMessages(setup_.gpu);
+  setup_.provenance.tracer = options_.tracer;
+  return describe(list);
+}
+
+}  // namespace
+
+Vec3f SceneMap::point(Vec3f p) const {
+  if (mirror) p.x = -p.x;
+  return p * scale + shift;
+}
+
+Vec3f SceneMap::direction(Vec3f d) const {
+  if (mirror) d.x = -d.x;
+  return d;
+}
+
+namespace {
+
+void mapSky(Sky& sky, bool mirror) {
+  if (!mirror) return;
+  sky.linear.x = -sky.linear.x;
+  // u = 0.5 + atan2(d.x, -d.z) / (2 pi): a mirrored direction is at 1 - u.
+  const auto width = static_cast<std::ptrdiff_t>(sky.width);
+  for (auto row = sky.image.begin(); row != sky.image.end(); row += width)
+    std::reverse(row, row + width);
+}
+
+}  // namespace
+
+Scene mappedScene(const Scene& scene, const SceneMap& map) {
+  Scene result = scene;
+  Geometry geometry = *scene.geometry;
+  geometry.box = {};
+  for (Vec3f& p : geometry.positions) p = map.point(p);
+  for (Vec3f& n : geometry.normals) n = map.direction(n);
+  for (Triangle& t : geometry.triangles) {
+    for (const uint32_t v : t.vertex) geometry.box.extend(geometry.positions[v]);
+    if (!map.mirror) continue;
+    std::swap(t.vertex[1], t.vertex[2]);
+  }
+  result.geometry = std::make_shared<const Geometry>(std::move(geometry));
+  for (Light& light : result.lights) {
+    light.position = map.point(light.position);
+    light.direction = map.direction(light.direction);
+    light.range *= map.scale;
+    if (light.type != LightType::directional) light.intensity *= map.scale * map.scale;
+  }
+  for (Camera& camera : result.cameras) {
+    camera.position = map.point(camera.position);
+    camera.forward = map.direction(camera.forward);
+    camera.up = map.direction(camera.up);
+  }
+  for (Vec3f& seed : result.receiver_seeds) seed = map.point(seed);
+  mapSky(result.sky, map.mirror);
+  const Vec3f a = map.point(scene.bounds.min), b = map.point(scene.bounds.max);
+  result.bounds = {componentMin(a, b), componentMax(a, b)};
+  result.base_lights.clear(), result.light_colors.clear(), result.light_intensities.clear();
+  result.states = {LightingState{}};
+  result.states.front().name = result.state;
+  return result;
+}
+
+int trustedDigits(double value, double spread) {
+  if (!(value > 0)) return 0;
+  constexpr int kMost = 7;  // of fp32
+  if (!(spread > 0)) return kMost;
+  const int first = static_cast<int>(std::floor(std::log10(value)));
+  int digits = 0;
+  while (digits < kMost && 0.5 * std::pow(10.0, first - digits) >= spread) ++digits;
+  return digits;
+}
+
+Json runSceneStability(const SceneStabilityOptions& options, const std::string& name,
+                       const Invocation& invocation) {
+  return SceneSuite(options, invocation).run(name);
+}
+
+}  // namespace probelab
