@@ -127,6 +127,12 @@ void addSearchOptions(CLI::App& app, TuneOptions& options) {
       ->check(checkNotNegative)
       ->capture_default_str()
       ->group(group);
+  app.add_option("--shadow-weight", options.settings.objective.shadow,
+                 "weight of shadow leaks beside the squared error")
+      ->type_name("W")
+      ->check(checkNotNegative)
+      ->capture_default_str()
+      ->group(group);
   app.add_option("--robust", options.settings.objective.robust,
                  "errors beyond this many times the scene's own light count linearly; 0: squares")
       ->type_name("X")

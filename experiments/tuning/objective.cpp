@@ -52,15 +52,22 @@ QueryParams<Jet<N>> jetParams(const TuneObjective& objective, std::span<const do
 // Factors of a state's residuals.
 struct Scales {
   double error = 0;       // of (E - R) sqrt(weight)
-  double leak = 0;        // of u sqrt(weight / (u + kLeakKnee))
-  double mean = 1;        // u = max(0, E - R - 2 sigma) / mean
+  double leak = 0;        // of u sqrt(weight / (u + kLeakKnee)) of dark points
+  double shadow = 0;      // of v, likewise, of the others
+  double mean = 1;        // of u and v
   double bend = 0;        // |E - R| where the robust loss turns linear; 0: never
   std::size_t first = 0;  // residual
 };
 
-std::size_t darkCount(const FrozenState& state) {
-  return static_cast<std::size_t>(std::count_if(state.points.begin(), state.points.end(),
-                                                [](const TunePoint& p) { return p.dark; }));
+// Whether a point has a residual of its leak beside that of its error.
+bool hasLeakResidual(const ObjectiveSettings& settings, const TunePoint& point) {
+  return (point.dark ? settings.leak : settings.shadow) > 0;
+}
+
+std::size_t residualCountOf(const ObjectiveSettings& settings, const FrozenState& state) {
+  return state.points.size() +
+         static_cast<std::size_t>(std::ranges::count_if(
+             state.points, [&](const TunePoint& p) { return hasLeakResidual(settings, p); }));
 }
 
 std::vector<Scales> scalesOf(const TuneObjective& objective) {
@@ -71,9 +78,10 @@ std::vector<Scales> scalesOf(const TuneObjective& objective) {
   std::size_t first = 0;
   for (const FrozenState& state : objective.states) {
     const double share = state.weight / sum;
-    scales.push_back({std::sqrt(share / state.power), std::sqrt(share * settings.leak), state.mean,
+    scales.push_back({std::sqrt(share / state.power), std::sqrt(share * settings.leak),
+                      std::sqrt(share * settings.shadow), state.mean,
                       settings.robust * std::sqrt(state.power), first});
-    first += state.points.size() + (settings.leak > 0 ? darkCount(state) : 0);
+    first += residualCountOf(settings, state);
   }
   return scales;
 }
@@ -93,11 +101,12 @@ PointResiduals pointResiduals(const Scales& scales, const TunePoint& point, doub
     r.error = scales.error * weight * std::copysign(root, e);
     r.error_slope = scales.error * weight * scales.bend / root;
   }
-  const double u = (e - 2 * point.sigma) / scales.mean;
+  const double sign = point.dark ? 1 : -1, scale = point.dark ? scales.leak : scales.shadow;
+  const double u = (sign * e - 2 * point.sigma) / scales.mean;
   if (u > 0) {
     const double root = std::sqrt(u + kLeakKnee);
-    r.leak = scales.leak * weight * u / root;
-    r.leak_slope = scales.leak * weight * (u / 2 + kLeakKnee) / (root * root * root * scales.mean);
+    r.leak = scale * weight * u / root;
+    r.leak_slope = sign * scale * weight * (u / 2 + kLeakKnee) / (root * root * root * scales.mean);
   }
   return r;
 }
@@ -199,7 +208,7 @@ void evaluateState(const TuneObjective& objective, std::span<const double> x,
     const TunePoint& point = state.points[i];
     const PointResiduals r = pointResiduals(scales, point, estimates.values[i]);
     put(i, r.error, r.error_slope);
-    if (point.dark && objective.settings.leak > 0) put(i, r.leak, r.leak_slope);
+    if (hasLeakResidual(objective.settings, point)) put(i, r.leak, r.leak_slope);
   }
 }
 
@@ -208,7 +217,7 @@ void evaluateState(const TuneObjective& objective, std::span<const double> x,
 std::size_t residualCount(const TuneObjective& objective) {
   std::size_t count = 0;
   for (const FrozenState& state : objective.states)
-    count += state.points.size() + (objective.settings.leak > 0 ? darkCount(state) : 0);
+    count += residualCountOf(objective.settings, state);
   return count;
 }
 
@@ -247,7 +256,7 @@ ParamsScore scoreParams(const TuneObjective& objective, const Params& params) {
     score.errors.push_back(errorsOf(state, estimates));
     for (std::size_t i = 0; i < estimates.size(); ++i) {
       const PointResiduals r = pointResiduals(scales[s], state.points[i], estimates[i]);
-      score.cost += r.error * r.error + (state.points[i].dark ? r.leak * r.leak : 0);
+      score.cost += r.error * r.error + r.leak * r.leak;
     }
   }
   return score;

@@ -49,7 +49,7 @@ void expectDerivatives(const FrozenState& state, const Params& base, bool lattic
                                     "crush_threshold"};
   if (lattice) names.push_back("trilinear_floor");
   const auto keys = innerKeys(names, base);
-  const TuneObjective objective{{&state, 1}, keys, base, {.leak = 1, .robust = 0.5}};
+  const TuneObjective objective{{&state, 1}, keys, base, {.leak = 1, .shadow = 0.7, .robust = 0.5}};
   const std::vector<double> x = {0.31, 0.22, 0.4, 0.47, 0.35, 0.3, 0.52, 0.28};
   const std::vector<double> at(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(names.size()));
   const Evaluated e = evaluate(objective, at);
@@ -137,7 +137,7 @@ TEST(Objective, TheCostIsWhatItsDefinitionGivesByHand) {
   const QueryPoint at{Vec3f(2), Vec3f(0, 1, 0), Vec3f(0, -1, 0)};
   state.points = {{at, e + 0.3, 0.5, 0.05, false},
                   {at, e - 0.4, 0.25, 0.05, true},
-                  {at, e - 0.01, 0.25, 0.05, true}};
+                  {at, e - 0.01, 0.25, 0.05, true}};  // dark ones last
   state.power = 4, state.mean = 2, state.weight = 3;
   const FrozenState other = [&] {
     FrozenState s = state;
@@ -156,6 +156,12 @@ TEST(Objective, TheCostIsWhatItsDefinitionGivesByHand) {
   objective.settings.leak = 2;
   EXPECT_EQ(residualCount(objective), 6u);
   EXPECT_NEAR(evaluateCost(objective, x), 0.75 * (squares + 2 * leak) + 0.25 / 4, 1e-12);
+  // The point that is not dark is too dark by 0.3; the other state's is too bright.
+  const double v = (0.3 - 0.1) / 2, shadow = 0.5 * v * v / (v + 1e-3);
+  objective.settings.shadow = 3;
+  EXPECT_EQ(residualCount(objective), 8u);
+  EXPECT_NEAR(evaluateCost(objective, x), 0.75 * (squares + 2 * leak + 3 * shadow) + 0.25 / 4,
+              1e-12);
   // Linear beyond 0.1 x 2: rho = 2 x 0.2 |e| - 0.04.
   objective.settings = {.leak = 0, .robust = 0.1};
   const double robust = (0.5 * 0.08 + 0.25 * 0.12 + 0.25 * 1e-4) / 4;
