@@ -204,7 +204,7 @@ void growToLines(ImageFile& file, int lines) {
 void readScanLines(const ExrInput& input, const Layout& layout, ImageFile& file) {
   int32_t step = 0;
   input.require(exr_get_scanlines_per_chunk(input.context(), 0, &step));
-  PROBELAB_CHECK(step > 0);
+  if (step < 1) throwInput("{}: is damaged: its compression is unknown", input.name());
   ChunkDecoder decoder(input, file);
   for (int y = 0; y < layout.height; y += step) {
     exr_chunk_info_t chunk{};
@@ -217,7 +217,7 @@ void readScanLines(const ExrInput& input, const Layout& layout, ImageFile& file)
 void readTiles(const ExrInput& input, const Layout& layout, ImageFile& file) {
   int32_t width = 0, height = 0;
   input.require(exr_get_tile_sizes(input.context(), 0, 0, 0, &width, &height));
-  PROBELAB_CHECK(width > 0 && height > 0);
+  if (width < 1 || height < 1) throwInput("{}: is damaged: its tiles have no size", input.name());
   ChunkDecoder decoder(input, file);
   for (int y = 0; y < layout.height; y += height) {
     growToLines(file, std::min(y + height, layout.height));

@@ -20,7 +20,7 @@ struct Attributes {
 
 class GeometryBuilder {
  public:
-  GeometryBuilder(const GltfFile& gltf, MaterialTable& materials, Warnings& warnings)
+  GeometryBuilder(const GltfFile& gltf, GltfMaterials& materials, Warnings& warnings)
       : gltf_(gltf), materials_(materials), warnings_(warnings) {}
 
   void addNode(const PlacedNode& placed);
@@ -37,7 +37,7 @@ class GeometryBuilder {
                       std::vector<uint32_t>& corners, const std::string& element);
 
   const GltfFile& gltf_;
-  MaterialTable& materials_;
+  GltfMaterials& materials_;
   Warnings& warnings_;
   WorldGeometry out_;
 };
@@ -217,7 +217,7 @@ WorldGeometry GeometryBuilder::take() {
 }  // namespace
 
 WorldGeometry buildGeometry(const GltfFile& gltf, const std::vector<PlacedNode>& nodes,
-                            MaterialTable& materials, Warnings& warnings) {
+                            GltfMaterials& materials, Warnings& warnings) {
   GeometryBuilder builder(gltf, materials, warnings);
   for (const PlacedNode& node : nodes) builder.addNode(node);
   return builder.take();

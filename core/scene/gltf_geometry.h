@@ -26,7 +26,7 @@ struct WorldGeometry {
 
 // Appends the meshes of the placed nodes. Throws InputError naming node and mesh.
 WorldGeometry buildGeometry(const GltfFile& gltf, const std::vector<PlacedNode>& nodes,
-                            MaterialTable& materials, Warnings& warnings);
+                            GltfMaterials& materials, Warnings& warnings);
 
 // Box of the vertices that triangles of non-zero area use; empty without any.
 Box3d boxOf(const WorldGeometry& geometry);

@@ -51,14 +51,14 @@ void checkShare(const std::string& file, const std::string& element, const char*
 
 }  // namespace
 
-uint32_t MaterialTable::use(int gltf_material) {
+uint32_t GltfMaterials::use(int gltf_material) {
   const auto [it, added] =
       material_of_.try_emplace(gltf_material, static_cast<uint32_t>(materials_.size()));
   if (added) materials_.push_back(convert(gltf_material));
   return it->second;
 }
 
-int MaterialTable::highestUvSet(uint32_t material) const {
+int GltfMaterials::highestUvSet(uint32_t material) const {
   const Material& m = materials_[material];
   int highest = -1;
   for (const TextureUse* use : {&m.base_color_texture, &m.metallic_texture, &m.emission_texture})
@@ -66,7 +66,7 @@ int MaterialTable::highestUvSet(uint32_t material) const {
   return highest;
 }
 
-Material MaterialTable::convert(int gltf_material) {
+Material GltfMaterials::convert(int gltf_material) {
   // glTF's default material is white and fully metallic.
   static const tinygltf::Material default_material;
   const tinygltf::Material& source =
@@ -106,7 +106,7 @@ Material MaterialTable::convert(int gltf_material) {
   return out;
 }
 
-void MaterialTable::convertEmission(const tinygltf::Material& source, const std::string& element,
+void GltfMaterials::convertEmission(const tinygltf::Material& source, const std::string& element,
                                     Material& out) {
   double strength = 1;
   const auto extension = source.extensions.find("KHR_materials_emissive_strength");
@@ -125,7 +125,7 @@ void MaterialTable::convertEmission(const tinygltf::Material& source, const std:
 }
 
 template <class TextureInfo>
-TextureUse MaterialTable::textureUse(const TextureInfo& info, const std::string& element) {
+TextureUse GltfMaterials::textureUse(const TextureInfo& info, const std::string& element) {
   TextureUse use;
   if (info.index < 0) return use;
   const tinygltf::Texture& texture = gltf_.model.textures[info.index];
@@ -153,7 +153,7 @@ TextureUse MaterialTable::textureUse(const TextureInfo& info, const std::string&
   return use;
 }
 
-int MaterialTable::textureOf(int image, const std::string& element) {
+int GltfMaterials::textureOf(int image, const std::string& element) {
   const auto [it, added] = texture_of_.try_emplace(image, static_cast<int>(textures_.size()));
   if (!added) return it->second;
   const tinygltf::Image& source = gltf_.model.images[image];
@@ -169,7 +169,7 @@ int MaterialTable::textureOf(int image, const std::string& element) {
   return it->second;
 }
 
-void MaterialTable::warnIfBlackMetal(const Material& material, const std::string& element) {
+void GltfMaterials::warnIfBlackMetal(const Material& material, const std::string& element) {
   if (material.metallic < 1 || maxComponent(material.base_color) == 0) return;
   if (material.metallic_texture.used()) {
     const std::vector<uint8_t>& texels = textures_[material.metallic_texture.texture].rgba;

@@ -11,9 +11,9 @@
 namespace probelab {
 
 // Converts materials as primitives ask for them, so that what nothing uses costs nothing.
-class MaterialTable {
+class GltfMaterials {
  public:
-  MaterialTable(const GltfFile& gltf, Warnings& warnings) : gltf_(gltf), warnings_(warnings) {}
+  GltfMaterials(const GltfFile& gltf, Warnings& warnings) : gltf_(gltf), warnings_(warnings) {}
 
   // Index into materials() of the model's material, -1: glTF's default one. Throws InputError
   // naming the material for factors outside [0, 1], emission that is negative or not finite, and

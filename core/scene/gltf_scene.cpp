@@ -127,7 +127,7 @@ GltfScene loadGltf(const std::filesystem::path& path, double time_s, Warnings& w
   const GltfFile gltf = readGltf(path, warnings);
   hashes.insert(hashes.end(), gltf.hashes.begin(), gltf.hashes.end());
   const std::vector<PlacedNode> nodes = placeNodes(gltf, time_s, warnings);
-  MaterialTable materials(gltf, warnings);
+  GltfMaterials materials(gltf, warnings);
   GltfScene scene;
   scene.geometry = buildGeometry(gltf, nodes, materials, warnings);
   scene.materials = std::move(materials.materials());

@@ -68,7 +68,8 @@ std::optional<Texture> decodeImage(std::span<const uint8_t> bytes, std::string& 
                             &channels, 4),
       stbi_image_free);
   if (!pixels) {
-    why = stbi_failure_reason();
+    const char* reason = stbi_failure_reason();  // may begin with a byte 0 of the file
+    why = reason != nullptr && *reason != '\0' ? reason : "it is damaged";
     return std::nullopt;
   }
   Texture texture;

@@ -154,7 +154,7 @@ void ExrReader::read(Sky& sky) {
   sky.height = window.max.y - window.min.y + 1;
   int32_t step = 0;
   require(exr_get_scanlines_per_chunk(context_, 0, &step));
-  PROBELAB_CHECK(step > 0);
+  if (step < 1) throwInput("{}: is damaged: its compression is unknown", file_);
   for (int y = 0; y < sky.height; y += step) {
     exr_chunk_info_t chunk{};
     require(exr_read_scanline_chunk_info(context_, 0, window.min.y + y, &chunk));

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "fuzz.h"
+#include "image_decode.h"
 
 namespace {
 std::atomic<std::size_t> largest_request{0};
@@ -77,6 +78,15 @@ TEST_P(FuzzReplay, EveryCutOfASeedIsLoadedOrRefused) {
   const std::size_t step = std::max<std::size_t>(1, bytes.size() / 64);
   for (std::size_t size = 0; size < bytes.size(); size += step)
     GetParam().run(Bytes(bytes).first(size));
+}
+
+// 16,000 x 16,000 texels in 69 bytes: refused before the decoder takes 1 GB for them.
+TEST(FuzzReplayPicture, ThatCannotHoldWhatItClaimsIsNotDecoded) {
+  std::string why;
+  const std::vector<uint8_t> bytes =
+      bytesOf(fs::path(PROBELAB_FUZZ_FOLDER) / "corpus/picture/claims.png");
+  EXPECT_FALSE(decodeImage(bytes, why).has_value());
+  EXPECT_NE(why.find("fewer bytes"), std::string::npos) << why;
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, FuzzReplay, testing::ValuesIn(formats().begin(), formats().end()),
