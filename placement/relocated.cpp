@@ -172,7 +172,8 @@ const Strategy kRelocatedStrategy = {
       "the lattice that is moved; the latter two take what is best once moved"},
      {"clearance", "0.1", "0 .. 0.45", "distance kept to surfaces, in smallest spacings s_i"},
      {"box", "free", "free | bounds", "what the lattice fills, with base=grid"},
-     {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one, with base=grid"}},
+     {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one, with base=grid"},
+     {"offset", "0", "-1 .. 1", "moves the lattice along every axis, in spacings, with base=grid"}},
     placeRelocated};
 
 }  // namespace probelab

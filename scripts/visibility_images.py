@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small renders of the study visibility_terms: for two scenes one row of pictures, the path-traced
-reference, one picture a set of terms, and where the last of them is too bright (red) or too dark
-(blue). What has been rendered by the same program is kept. Standard library only."""
+"""Small renders of the study visibility_terms: for two scenes the path-traced reference, one picture
+a set of terms, all at one exposure, and where the last of them is too bright (red) or too dark
+(blue). What has been rendered by the same program is kept. Needs matplotlib."""
 import argparse
 import json
 import pathlib
@@ -13,9 +13,11 @@ import tomllib
 from overview import ROOT, scene_name
 
 STUDY = ROOT / "experiments/studies/visibility_terms.toml"
-# Scene and the camera that looks at its dark side.
-VIEWS = (("scenes/two_rooms_door/scene.toml", "unlit room"),
-         ("scenes/thin_wall/scene_05cm.toml", "east"))
+# Scene, the camera that looks at its dark side, and exposure in stops: what leaks is seen only where
+# it is not taken from a reference that is black.
+VIEWS = (("scenes/two_rooms_door/scene.toml", "unlit room", 3),
+         ("scenes/thin_wall/scene_05cm.toml", "east", 3))
+COLUMNS = 4
 WIDTH, HEIGHT = 224, 126
 SAMPLES = {"smoke": (16, 4), "quick": (64, 16), "published": (256, 16)}  # reference, render
 
@@ -25,6 +27,23 @@ def terms(study):
     axis, = (a for a in study["axis"] if a["name"] == "terms")
     return [(v["name"], v.get("options", {}).get("set", [])) for v in axis["value"]
             if "command" not in v]
+
+
+def draw(target, pictures):
+    """Rows of pictures with their names above, as PNG and PDF."""
+    from figures_panels import PAGE, load_pyplot
+    pyplot = load_pyplot()
+    rows = -(-len(pictures) // COLUMNS)
+    figure, panels = pyplot.subplots(rows, COLUMNS, squeeze=False, figsize=(
+        PAGE, rows * (PAGE / COLUMNS * HEIGHT / WIDTH + 0.22)))
+    for panel in (p for row in panels for p in row):
+        panel.set_axis_off()
+    for (name, path), panel in zip(pictures, (p for row in panels for p in row)):
+        panel.imshow(pyplot.imread(path), interpolation="none")
+        panel.set_title(name, fontsize=8, pad=2)
+    figure.savefig(target)
+    figure.savefig(target.with_suffix(".pdf"), metadata={"CreationDate": None})
+    pyplot.close(figure)
 
 
 class Pictures:
@@ -55,11 +74,12 @@ class Pictures:
         self.run(*arguments, "-o", path)
         note.write_text(json.dumps({"version": self.version, "arguments": words}) + "\n")
 
-    def view(self, scene, camera):
+    def view(self, scene, camera, exposure):
         name, options = scene_name(scene), self.study["options"]
         folder = self.options.runs / name
         folder.mkdir(parents=True, exist_ok=True)
-        look = [scene, "--camera", camera, "--width", WIDTH, "--height", HEIGHT]
+        look = [scene, "--camera", camera, "--width", WIDTH, "--height", HEIGHT, "--exposure",
+                exposure]
         spp, render_spp = SAMPLES[self.options.size]
         self.kept(folder / "reference.exr", "reference", *look, "--spp", spp)
         images = []
@@ -69,13 +89,16 @@ class Pictures:
                       options["params"], "--probes", self.options.probes, "--rays",
                       options["rays"], "--updates", options["updates"],
                       *(w for s in settings for w in ("--set", s)))
+        self.run("compare", images[-1], folder / "reference.exr", "-o", folder / "error.png")
         target = self.options.output / f"images_{name}.png"
-        self.run("compare", images[-1], folder / "reference.exr", "--picture", target,
-                 *(w for i in images[:-1] for w in ("--beside", i)))
-        caption = (f"{name}, camera '{camera}', {WIDTH} x {HEIGHT}: path-traced reference ({spp} "
-                   f"samples), then by the terms of the visibility test: "
-                   f"{', '.join(t for t, _ in terms(self.study))}; last where that is too bright "
-                   f"(red) or too dark (blue). At most {self.options.probes} probes, preset "
+        last = terms(self.study)[-1][0]
+        draw(target, [("reference", folder / "reference.png"),
+                      *((i.stem, i.with_suffix(".png")) for i in images),
+                      (f"error of '{last}'", folder / "error.png")])
+        caption = (f"{name}, camera '{camera}', {WIDTH} x {HEIGHT}, exposure {exposure} stops: "
+                   f"path-traced reference ({spp} samples), then by the terms of the visibility "
+                   f"test: {', '.join(t for t, _ in terms(self.study))}; last where that is too "
+                   f"bright (red) or too dark (blue). At most {self.options.probes} probes, preset "
                    f"{options['params']}, {options['rays']} rays, {options['updates']} updates, "
                    f"seed 1, version {self.version}.\n")
         target.with_suffix(".txt").write_text(caption)
@@ -86,7 +109,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/probelab")
     parser.add_argument("--size", choices=sorted(SAMPLES), default="published")
-    parser.add_argument("--probes", type=int, default=256)
+    parser.add_argument("--probes", type=int, default=512)
     parser.add_argument("--runs", type=pathlib.Path, default=ROOT / "results/runs/images",
                         help="folder of the single pictures (default: results/runs/images)")
     parser.add_argument("-o", "--output", type=pathlib.Path,
@@ -96,8 +119,8 @@ def main():
     options.output = options.output.resolve()
     options.output.mkdir(parents=True, exist_ok=True)
     pictures = Pictures(options)
-    for scene, camera in VIEWS:
-        pictures.view(scene, camera)
+    for view in VIEWS:
+        pictures.view(*view)
     return 0
 
 
