@@ -7,7 +7,7 @@
 
 Two marks, which a reader does not see:
   <!-- block: NAME --> ... <!-- end -->     all between them; BLOCKS makes it
-  0.0398<!-- = SOURCE -->                   one number; SOURCE is a name in VALUES, or a JSON file in
+  0.0398<!-- = SOURCE -->                   a number; SOURCE is a name in VALUES, or a JSON file in
                                             results/published, '#' and a dotted name
 """
 import argparse

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Small renders of the study visibility_terms: for two scenes the path-traced reference, one picture
+"""Small renders of the study visibility_terms: for two scenes the path-traced reference, a picture
 a set of terms, all at one exposure, and where the last of them is too bright (red) or too dark
 (blue). What has been rendered by the same program is kept. Needs matplotlib."""
 import argparse
@@ -13,8 +13,8 @@ import tomllib
 from overview import ROOT, scene_name
 
 STUDY = ROOT / "experiments/studies/visibility_terms.toml"
-# Scene, the camera that looks at its dark side, and exposure in stops: what leaks is seen only where
-# it is not taken from a reference that is black.
+# Scene, camera that looks at its dark side, and exposure in stops: what leaks is seen only where it
+# is not taken from a reference that is black.
 VIEWS = (("scenes/two_rooms_door/scene.toml", "unlit room", 3),
          ("scenes/thin_wall/scene_05cm.toml", "east", 3))
 COLUMNS = 4
