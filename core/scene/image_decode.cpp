@@ -38,6 +38,62 @@ uint64_t pngBitsPerTexel(std::span<const uint8_t> bytes) {
   return bytes[24] * uint64_t{kind == 2 ? 3u : kind == 4 ? 2u : kind == 6 ? 4u : 1u};
 }
 
+// Whether each chunk of a PNG ends before the file does: the decoder takes memory for what a chunk
+// claims.
+bool hasWholeChunks(std::span<const uint8_t> bytes) {
+  constexpr uint8_t kEnd[] = {'I', 'E', 'N', 'D'};
+  for (std::size_t at = 8; at + 12 <= bytes.size();) {  // length, name, data, checksum
+    if (std::equal(std::begin(kEnd), std::end(kEnd), bytes.begin() + at + 4)) return true;
+    uint64_t length = 0;
+    for (std::size_t i = 0; i < 4; ++i) length = length << 8 | bytes[at + i];
+    if (length > bytes.size() - at - 12) return false;
+    at += 12 + length;
+  }
+  return true;
+}
+
+uint64_t byteAt(std::span<const uint8_t> bytes, std::size_t at) {
+  return at < bytes.size() ? bytes[at] : 0;  // as the decoder reads beyond the end
+}
+
+// Where a segment of Huffman tables ends, its length standing at `at`; 0 when a table has more than
+// 255 codes (JPEG has a use for 176): the decoder, stb_image until 2.28, writes beyond its array
+// from 257 on, and takes code 255 for a mark of its own.
+std::size_t endOfTables(std::span<const uint8_t> bytes, std::size_t at) {
+  const auto length = static_cast<int64_t>(byteAt(bytes, at) << 8 | byteAt(bytes, at + 1));
+  at += 2;
+  for (int64_t left = length - 2; left > 0;) {
+    uint64_t codes = 0;
+    for (std::size_t i = 1; i <= 16; ++i) codes += byteAt(bytes, at + i);
+    if (codes > 255) return 0;
+    at += 17 + codes;
+    left -= static_cast<int64_t>(17 + codes);
+  }
+  return at;
+}
+
+// Goes through a JPEG as the decoder does: segments by their length up to the first scan, then from
+// one marker to the next wherever it stands.
+bool hasSoundTables(std::span<const uint8_t> bytes) {
+  constexpr uint8_t kTables = 0xc4, kStart = 0xd8, kScan = 0xda;
+  bool in_scan = false;
+  for (std::size_t at = 0; at < bytes.size();) {
+    while (at < bytes.size() && bytes[at] != 0xff) ++at;
+    while (at < bytes.size() && bytes[at] == 0xff) ++at;
+    if (at >= bytes.size()) return true;
+    const uint8_t marker = bytes[at++];
+    if (marker == kTables) {
+      at = endOfTables(bytes, at);
+      if (at == 0) return false;
+    } else if (marker == kScan) {
+      in_scan = true;
+    } else if (!in_scan && marker != kStart) {
+      at += std::max<uint64_t>(2, byteAt(bytes, at) << 8 | byteAt(bytes, at + 1));
+    }
+  }
+  return true;
+}
+
 // Whether so few bytes can hold so large a picture: the decoder takes memory for what a header
 // claims, and goes on where a JPEG ends early.
 bool canHold(std::span<const uint8_t> bytes) {
@@ -56,6 +112,14 @@ bool canHold(std::span<const uint8_t> bytes) {
 std::optional<Texture> decodeImage(std::span<const uint8_t> bytes, std::string& why) {
   if (bytes.empty() || bytes.size() > std::numeric_limits<int>::max()) {
     why = "no data";
+    return std::nullopt;
+  }
+  if (bytes[0] == 0xff && !hasSoundTables(bytes)) {
+    why = "it is damaged: a table of more than 255 codes";
+    return std::nullopt;
+  }
+  if (bytes[0] == 0x89 && !hasWholeChunks(bytes)) {
+    why = "truncated: a chunk ends after the file";
     return std::nullopt;
   }
   if (!canHold(bytes)) {
