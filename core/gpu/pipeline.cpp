@@ -28,6 +28,14 @@ void checkLimits(const DeviceInfo& device, const std::string& name,
                                   name, device.name));
 }
 
+const std::vector<std::uint32_t>& compiledOnce(VulkanState& state, const ShaderSource& source) {
+  std::string key = source.name + '\0' + source.text;
+  for (const auto& [name, value] : source.defines) key += '\0' + name + '\0' + value;
+  const auto known = state.shaders.find(key);
+  if (known != state.shaders.end()) return known->second;
+  return state.shaders.emplace(std::move(key), compileShader(source)).first->second;
+}
+
 void createLayouts(const VulkanState& state, PipelineState& pipeline) {
   const PipelineOptions& options = pipeline.options;
   std::vector<VkDescriptorSetLayoutBinding> bindings;
@@ -103,7 +111,7 @@ ComputePipeline createPipeline(GpuContext& context, const ShaderSource& source,
   auto pipeline = std::make_unique<PipelineState>();
   pipeline->name = source.name;
   pipeline->options = options;
-  pipeline->spirv = compileShader(source);
+  pipeline->spirv = compiledOnce(context.state(), source);
   createLayouts(context.state(), *pipeline);
   createVkPipeline(context.state(), *pipeline);
   return ComputePipeline(std::move(pipeline));

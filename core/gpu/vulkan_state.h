@@ -5,6 +5,7 @@
 
 #include <vulkan/vulkan.h>
 
+#include <map>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -121,6 +122,8 @@ struct VulkanState {
   // first transfer that needs it.
   CommandBuffer transfer;
   GpuBuffer staging;
+  // Compiled so far, by name, defines and text: every field of a context needs the same few.
+  std::map<std::string, std::vector<std::uint32_t>> shaders;
 };
 
 template <class T>

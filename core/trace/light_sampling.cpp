@@ -2,7 +2,10 @@
 #include "trace/light_sampling.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
+#include <utility>
 
 #include "shared/light.h"
 #include "trace/sampling.h"
@@ -37,6 +40,20 @@ std::pair<std::size_t, float> pickStep(const double* cdf, std::size_t count, dou
   const double low = i == 0 ? 0.0 : cdf[i - 1], step = cdf[i] - low;
   const double rest = step > 0 ? (u - low) / step : 0.5;
   return {i, static_cast<float>(std::clamp(rest, 0.0, 0x1.fffffep-1))};
+}
+
+// Corners in order from the smallest one, so that the front counts, and the material.
+using TrianglePlace = std::pair<std::array<std::array<float, 3>, 3>, uint32_t>;
+TrianglePlace placeOf(const Geometry& geometry, uint32_t triangle) {
+  const Triangle& t = geometry.triangles[triangle];
+  TrianglePlace place{{}, t.material};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vec3f& p = geometry.positions[t.vertex[i]];
+    place.first[i] = {p.x, p.y, p.z};
+  }
+  std::rotate(place.first.begin(), std::min_element(place.first.begin(), place.first.end()),
+              place.first.end());
+  return place;
 }
 
 }  // namespace
@@ -115,10 +132,18 @@ LightSampler::LightSampler(const Geometry& geometry, const MaterialTable& materi
     : geometry_(geometry), materials_(materials), sky_(sky) {
   double total = 0;
   std::vector<double> powers;
+  std::map<TrianglePlace, uint32_t> first_at;
+  std::vector<std::pair<uint32_t, uint32_t>> copies;  // and what they are copies of
   for (uint32_t i = 0; i < geometry.triangles.size(); ++i) {
     const double power =
         static_cast<double>(meanEmission(geometry, materials, i)) * faceArea(geometry, i);
     if (!(power > 0)) continue;
+    // A ray meets one of several triangles in one place, so only one of them may be sampled.
+    const auto [first, is_new] = first_at.try_emplace(placeOf(geometry, i), i);
+    if (!is_new) {
+      copies.emplace_back(i, first->second);
+      continue;
+    }
     triangles_.push_back(i);
     powers.push_back(power);
     cdf_.push_back(total += power);
@@ -130,6 +155,7 @@ LightSampler::LightSampler(const Geometry& geometry, const MaterialTable& materi
     area_pdf_[triangles_[i]] =
         static_cast<float>((1.0 - sky_share_) * powers[i] / total /
                            static_cast<double>(faceArea(geometry, triangles_[i])));
+  for (const auto& [copy, original] : copies) area_pdf_[copy] = area_pdf_[original];
 }
 
 EmitterSample LightSampler::sample(const Vec3f& x, float choice, const Vec2f& u) const {

@@ -34,7 +34,11 @@ Measurement refusedUri(Workbench& bench, const std::string& uri, const char* kin
   std::error_code ignored;
   fs::create_symlink(bench.folder() / "secret.bin", folder / "link.bin", ignored);
   gltf.root["buffers"][0]["uri"] = kind == std::string("buffer") ? uri : "fine.bin";
-  if (kind == std::string("image")) gltf.root["images"] = json::array({{{"uri", uri}}});
+  if (kind == std::string("image")) {
+    gltf.root["images"] = json::array({{{"uri", uri}}});
+    gltf.root["textures"] = json::array({{{"source", 0}}});
+    gltf.root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["index"] = 0;
+  }
   writeBytes(folder / "bad.gltf", gltf.root.dump());
   return refused([&] { loadScene(folder / "bad.gltf"); }, parts);
 }

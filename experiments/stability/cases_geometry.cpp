@@ -157,9 +157,13 @@ Measurement vertexRays(Workbench& bench, const CaseVariant& variant) {
   double escaped[3] = {};
   for (std::size_t i = 0; i < hits.size(); ++i)
     if (hits[i].primitive == kNoHit) escaped[i / kRays] += 1.0 / kRays;
-  return checked(escaped[0] <= 0.005 && escaped[1] == 0 && escaped[2] == 0,
-                 fmt::format("escapes: vertices {:.2g} %, edges {:.2g} %, random {:.2g} %",
-                             100 * escaped[0], 100 * escaped[1], 100 * escaped[2]));
+  const std::string text =
+      fmt::format("escapes: vertices {:.2g} %, edges {:.2g} %, random {:.2g} %", 100 * escaped[0],
+                  100 * escaped[1], 100 * escaped[2]);
+  if (escaped[1] > 0 || escaped[2] > 0) return checked(false, text);
+  // How a device treats a ray through a vertex is its own affair.
+  if (escaped[0] > 0.005 && variant.tracer == "rayquery") return limitAt(escaped[0], text);
+  return checked(escaped[0] <= 0.005, text);
 }
 
 Params quickParams() {

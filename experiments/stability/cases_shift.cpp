@@ -151,7 +151,7 @@ Measurement thinWall(Workbench& bench, const CaseVariant& variant) {
 
 std::vector<StabilityCase> shiftCases() {
   std::vector<CaseVariant> presets;
-  for (const char* preset : {"classic", "rtxgi", "probelab"}) presets.push_back({"", preset});
+  for (const char* preset : {"rtxgi", "probelab"}) presets.push_back({"", preset});
   return {
       {"geometry.scale", "the scene a thousandth and a thousand times as large",
        "candela times scale^2: E as at scale 1 within 1e-3; reference 5 standard errors", "G8 P19",

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""probelab stability: names of cases, the JSON's fields, a user's own scene."""
+import unittest
+
+from support import CliTest, SOURCE
+
+FIELDS = {"id", "case", "tracer", "format", "expectation", "measured", "verdict"}
+
+
+class Suite(CliTest):
+    def test_a_case_is_a_row_with_the_fixed_names(self):
+        result = self.run_json("stability", "--case", "query.outside/rtxgi")
+        [row] = result["cases"]
+        self.assertLessEqual(FIELDS, set(row))
+        self.assertEqual((row["id"], row["format"], row["verdict"]),
+                         ("query.outside/rtxgi", "rtxgi", "holds"))
+        self.assertEqual(self.files(), [])
+
+    def test_the_table_ends_with_its_counts(self):
+        text = self.run_ok("stability", "--case", "files.no_shell").stdout
+        self.assertRegex(text, r"(?m)^files\.no_shell +holds ")
+        self.assertRegex(text, r"(?m)^1 hold, 0 limits, 0 fail, ")
+
+    def test_one_tracer_leaves_the_others_rows_out(self):
+        rows = self.run_json("stability", "--case", "lighting.none", "--tracer", "embree")["cases"]
+        self.assertEqual({r["tracer"] for r in rows}, {"embree", "reference"})
+
+    def test_an_unknown_name_is_refused_with_the_nearest(self):
+        self.assert_refused("stability", "--case", "query.outsid3",
+                            words=("no case is called 'query.outsid3'", "'query.outside'"))
+
+
+class OwnScene(CliTest):
+    def test_a_furnace_keeps_its_digits(self):
+        result = self.run_json("stability", SOURCE / "scenes/cornell/scene.toml", "--probes", 27,
+                               "--count", 128, "--rel-error", 0.2, "--rays", 32, "--updates", 4,
+                               "--tracer", "embree")
+        rows = {r["id"]: r for r in result["cases"]}
+        for name in ("repeat", "threads", "first_update"):
+            self.assertEqual(rows["scene." + name]["verdict"], "holds", rows["scene." + name])
+        for name in ("translate", "scale_up", "scale_down"):
+            self.assertLess(abs(rows["scene." + name]["change"]), 0.01 * result["nrmse"])
+        self.assertIn("can be trusted", result["trusted"])
+
+
+if __name__ == "__main__":
+    unittest.main()
