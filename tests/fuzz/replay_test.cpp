@@ -30,6 +30,9 @@ void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace probelab::fuzz {
+
+void PrintTo(const Format& format, std::ostream* out) { *out << format.name; }
+
 namespace {
 
 namespace fs = std::filesystem;
