@@ -19,6 +19,7 @@ namespace {
 std::atomic<std::size_t> largest_request{0};
 }
 
+#if !defined(__SANITIZE_ADDRESS__)  // which has operators of its own
 void* operator new(std::size_t size) {
   std::size_t before = largest_request;
   while (before < size && !largest_request.compare_exchange_weak(before, size)) {
@@ -28,6 +29,7 @@ void* operator new(std::size_t size) {
 }
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+#endif
 
 namespace probelab::fuzz {
 
