@@ -137,7 +137,23 @@ def figures(published):
     return "\n".join(parts) or "None has been made yet: `scripts/publish`.\n"
 
 
-BLOCKS = {"overview": overview, "pipeline_presets": pipeline_presets, "placement": placement,
+def stability(published):
+    """The hard-case suite: how many rows of each group hold, and where the limits are."""
+    rows = read_json(published / "stability" / "rows.json")["cases"]
+    about = read_json(published / "stability" / "manifest.json")
+    table = [["group", "rows", "hold", "limits", "fail"]]
+    groups = list(dict.fromkeys(r["group"] for r in rows))
+    for group in [*groups, "all"]:
+        verdicts = [r["verdict"] for r in rows if group in (r["group"], "all")]
+        table.append([group, str(len(verdicts)),
+                      *(str(verdicts.count(v)) for v in ("holds", "limit", "fails"))])
+    limits = [["limit", "what", "measured"]]
+    limits += [[f"`{r['id']}`", r["case"], r["measured"]] for r in rows if r["verdict"] == "limit"]
+    return (aligned(table) + "\n\n" + aligned(limits, 3) + "\n\n" +
+            f"{about['device']}, both tracers, version {about['version']}.\n")
+
+
+BLOCKS = {"stability": stability, "overview": overview, "pipeline_presets": pipeline_presets, "placement": placement,
           "budget": budget, "figures": figures}
 
 
