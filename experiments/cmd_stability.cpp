@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "base/build_info.h"
 #include "base/error.h"
@@ -29,7 +30,8 @@ constexpr std::size_t kTitleWidth = 46, kMeasuredWidth = 88;
 
 struct StabilityOptions {
   SceneStabilityOptions scene;
-  std::string name;  // --case
+  std::string name;                          // --case
+  std::vector<const CLI::Option*> of_scene;  // those that mean nothing without a SCENE
 };
 
 // Exit code 3.
@@ -128,12 +130,22 @@ void finish(const Invocation& invocation, Json& result, double seconds, bool of_
   if (!failed.empty()) throw CaseFails("cases that fail: " + failed);
 }
 
-Json runSuite(const StabilityOptions& options, const Invocation& invocation) {
+std::vector<PlannedRow> plannedRows(const StabilityOptions& options) {
   std::vector<PlannedRow> planned = planRows(options.name);
   std::erase_if(planned, [&](const PlannedRow& row) {
     return options.scene.tracer != "both" && !row.variant.tracer.empty() &&
            row.variant.tracer != "reference" && row.variant.tracer != options.scene.tracer;
   });
+  if (planned.empty())
+    throwInput("--case {} has no row of the tracer {}", options.name, options.scene.tracer);
+  return planned;
+}
+
+Json runSuite(const StabilityOptions& options, const Invocation& invocation) {
+  for (const CLI::Option* option : options.of_scene)
+    if (option->count() > 0)
+      throwInput("{} needs a SCENE: the suite's own cases have their own", option->get_name());
+  const std::vector<PlannedRow> planned = plannedRows(options);
   Provenance provenance = makeProvenance(invocation);
   GpuContext gpu = openDevice(invocation, provenance);
   if (!gpu.info().ray_query && options.scene.tracer == "rayquery")
@@ -187,8 +199,9 @@ void addStabilityCommand(Program& program) {
       ->check(checkNamed);
   app.add_option("--tracer", scene.tracer, "rows of this tracer: embree, rayquery, both")
       ->type_name("NAME")
-      ->check(CLI::IsMember({"embree", "rayquery", "both"}))
+      ->check(CLI::IsMember({"embree", "rayquery", "both"}).description(""))
       ->capture_default_str();
+  const std::size_t before = app.get_options().size();
   app.add_option("--state", scene.scene.state, "lighting state of SCENE (default: its first)")
       ->type_name("NAME")
       ->group("With a SCENE");
@@ -200,6 +213,8 @@ void addStabilityCommand(Program& program) {
   addStrategyOptions(app, scene.field);
   addParamsOptions(app, scene.field);
   addTruthOptions(app, scene.truth);
+  const std::vector<CLI::Option*> all = app.get_options();
+  options->of_scene.assign(all.begin() + static_cast<std::ptrdiff_t>(before), all.end());
 }
 
 }  // namespace probelab

@@ -7,7 +7,7 @@ from support import CliTest
 
 # Every command with its required arguments missing is a usage error, but for those without any.
 COMMANDS = ("info", "init", "check", "reference", "receivers", "place", "render", "evaluate",
-            "compare", "tune", "bench", "report", "budget")
+            "compare", "tune", "bench", "report", "budget", "stability")
 
 
 class HelpPages(CliTest):

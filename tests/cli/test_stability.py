@@ -30,8 +30,14 @@ class Suite(CliTest):
                             words=("no case is called 'query.outsid3'", "'query.outside'"))
 
 
+    def test_options_of_a_scene_need_one(self):
+        self.assert_refused("stability", "--probes", 27, words=("--probes needs a SCENE",))
+        self.assert_refused("stability", "--case", "geometry.shift_limit/embree",
+                            "--tracer", "rayquery", words=("no row of the tracer rayquery",))
+
+
 class OwnScene(CliTest):
-    def test_a_furnace_keeps_its_digits(self):
+    def test_what_must_not_matter_does_not(self):
         result = self.run_json("stability", SOURCE / "scenes/cornell/scene.toml", "--probes", 27,
                                "--count", 128, "--rel-error", 0.2, "--rays", 32, "--updates", 4,
                                "--tracer", "embree")

@@ -45,8 +45,11 @@ TEST_F(Stability, EveryRowHoldsOrEndsWhereItIsKnownTo) {
     SCOPED_TRACE(plan.id);
     ASSERT_TRUE(rows.contains(plan.id));
     const Measurement& m = rows.at(plan.id).measured;
+    // Limits of a device's own intersection tests are recorded for Mesa's software device.
+    const bool is_known = plan.variant.tracer != "rayquery" || gpu().info().is_cpu;
     if (m.verdict == Verdict::holds) ++holds;
     EXPECT_NE(m.verdict, Verdict::fails) << m.text;
+    if (!is_known) continue;
     EXPECT_EQ(m.verdict == Verdict::limit, limits.contains(plan.id)) << m.text;
     if (m.verdict != Verdict::limit || !limits.contains(plan.id)) continue;
     const double recorded = limits.at(plan.id).get<double>();
