@@ -47,12 +47,13 @@ uint64_t pngBitsPerTexel(std::span<const uint8_t> bytes) {
 // claims.
 bool hasWholeChunks(std::span<const uint8_t> bytes) {
   constexpr uint8_t kEnd[] = {'I', 'E', 'N', 'D'};
-  for (std::size_t at = 8; at + 12 <= bytes.size();) {  // length, name, data, checksum
+  constexpr std::size_t kAround = 12;  // length and name before the data, a checksum behind
+  for (std::size_t at = 8; at + 8 <= bytes.size();) {
     if (std::equal(std::begin(kEnd), std::end(kEnd), bytes.begin() + at + 4)) return true;
     uint64_t length = 0;
     for (std::size_t i = 0; i < 4; ++i) length = length << 8 | bytes[at + i];
-    if (length > bytes.size() - at - 12) return false;
-    at += 12 + length;
+    if (length + kAround > bytes.size() - at) return false;
+    at += kAround + length;
   }
   return true;
 }
