@@ -13,6 +13,8 @@ from studies import EVALUATE, PLACE, results, write_study
 
 
 class KilledStudy(FaultTest):
+    cell_s = 0.3  # at most so long takes a cell
+
     def start(self, folder, cache):
         return subprocess.Popen(
             [PROGRAM, "run", "study.toml", "--cache", cache, "--results", folder, "--jobs", "2",
@@ -50,10 +52,12 @@ class KilledStudy(FaultTest):
         if rng.random() < 0.2:
             time.sleep(rng.uniform(0, 0.1))
             return
-        before = self.done()
+        before, started = self.done(), time.monotonic()
         while process.poll() is None and self.done() == before:
             time.sleep(0.005)
-        time.sleep(rng.uniform(0, 0.3))
+        # Scaled, so that a fast machine is not done with the study after a few of them.
+        self.cell_s = min(self.cell_s, time.monotonic() - started)
+        time.sleep(rng.uniform(0, self.cell_s))
 
     def kill_and_continue(self, kills, cells, seed):
         rng = random.Random(seed)
