@@ -18,7 +18,9 @@ from support import PROGRAM, SOURCE, CliTest
 
 PUBLISHED = SOURCE / "results/published"
 README = SOURCE / "README.md"
-STUDIES = sorted(p.parent for p in PUBLISHED.glob("*/manifest.json"))
+# Not all that has a manifest is a study of cells: the hard-case suite and fuzzing are not.
+STUDIES = sorted(p.parent for p in PUBLISHED.glob("*/manifest.json")
+                 if (SOURCE / "experiments/studies" / (p.parent.name + ".toml")).is_file())
 # Names of figures' numbers -> columns of rows.csv.
 COLUMNS = {"nrmse": "error.nrmse", "light leak": "error.light_leak",
            "shadow leak": "error.shadow_leak", "bias": "error.bias", "share": "error.share",
