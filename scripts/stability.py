@@ -51,7 +51,8 @@ def main():
             sys.exit(done.returncode)
         text = done.stdout
     counts = publish(json.loads(text), options.output)
-    print(f"{counts['holds']} hold, {counts['limit']} limits, {counts['fails']} fail", file=sys.stderr)
+    print(f"{counts['holds']} hold, {counts['limit']} limits, {counts['fails']} fail",
+          file=sys.stderr)
     sys.exit(3 if counts["fails"] else 0)
 
 
