@@ -65,6 +65,10 @@ TEST(StabilityNames, FindRowsCasesGroupsAndPatterns) {
   EXPECT_GT(planRows("query.cell_faces").size(), 1u);
   EXPECT_GT(planRows("geometry").size(), planRows("geometry.shift").size());
   for (const PlannedRow& row : planRows("*rgb10a2")) EXPECT_TRUE(row.id.ends_with("rgb10a2"));
+  EXPECT_EQ(planRows("qu*cell_f*a*").size(), planRows("query.cell_faces").size());
+  EXPECT_EQ(planRows("*").size(), planRows("").size());
+  EXPECT_EQ(planRows(std::string(60, '*')).size(), planRows("").size());  // at once
+  EXPECT_THROW(planRows("*query.cell_faces"), InputError);
   try {
     planRows("query.cel_faces");
     ADD_FAILURE() << "accepted";
