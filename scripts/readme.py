@@ -75,11 +75,14 @@ def placement(published):
                                                                      "held-out lights")]
             if all(both):
                 rows.append([title, str(probes), both[0][3], *(f"{c[4]} {c[5]}" for c in both)])
-    seeds = sorted({r["seed"] for r in load_rows(published / "placement")
-                    if r["layout"] in LAYOUTS})
-    about = ("One seed, so intervals are over blocks of space alone." if len(seeds) == 1 else
-             f"Seeds {', '.join(map(str, seeds))}.")
-    return aligned(rows) + "\n\n" + about + "\n"
+    seeds = {}
+    for r in load_rows(published / "placement"):
+        if r["layout"] in LAYOUTS:
+            seeds.setdefault(r["probes"], set()).add(r["seed"])
+    about = "; ".join(f"seeds {', '.join(map(str, sorted(seeds[n])))} of N = {n}" if len(seeds[n]) > 1
+                      else f"one seed of N = {n}, whose intervals are over blocks of space alone"
+                      for n in sorted(seeds) if any(row[1] == str(n) for row in rows))
+    return aligned(rows) + "\n\n" + about[:1].upper() + about[1:] + ".\n"
 
 
 BUDGET_SCENES = ("two_rooms_door", "thin_wall/scene_05cm")
