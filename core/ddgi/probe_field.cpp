@@ -70,9 +70,16 @@ class SanePoints {
 
   // Answers of points() -> of those asked, (0, 0, 0, -1) where one was refused.
   std::vector<Vec4f> spread(std::vector<Vec4f> answers) const {
-    for (const std::size_t i : refused_)
-      answers.insert(answers.begin() + static_cast<std::ptrdiff_t>(i), Vec4f(0, 0, 0, -1));
-    return answers;
+    if (refused_.empty()) return answers;
+    std::vector<Vec4f> all(answers.size() + refused_.size(), Vec4f(0, 0, 0, -1));
+    std::size_t next = 0, taken = 0;
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      if (next < refused_.size() && refused_[next] == i)
+        ++next;
+      else
+        all[i] = answers[taken++];
+    }
+    return all;
   }
 
  private:
