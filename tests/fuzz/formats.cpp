@@ -55,8 +55,9 @@ fs::path inputFile(Bytes bytes, const std::string& name) {
   static const WorkFolder folder;
   const fs::path path = folder.path() / name;
   std::FILE* file = std::fopen(path.c_str(), "wb");
-  if (!file || std::fwrite(bytes.data(), 1, bytes.size(), file) != bytes.size() ||
-      std::fclose(file) != 0)
+  const bool is_written =
+      file && (bytes.empty() || std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size());
+  if (!file || std::fclose(file) != 0 || !is_written)
     throw Error("the harness cannot write its input");
   return path;
 }
