@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/interrupt.h"
 #include "cases.h"
 #include "closed_forms.h"
 #include "ddgi/texels.h"
@@ -28,7 +29,7 @@ double packedError(int format, const std::string& name, double x) {
     uint32_t words[4];
     packIrradiance(format, Vec3f(value), words);
     const double back = static_cast<double>(unpackIrradiance(format, words).z);
-    worst = std::max(worst, std::abs(back / static_cast<double>(value) - 1));
+    worst = larger(worst, std::abs(back / static_cast<double>(value) - 1));
   }
   return worst / allowed;
 }
@@ -60,7 +61,7 @@ double deviceAgainstHost(Workbench& bench, const std::string& name, int format) 
     const double expected = static_cast<double>(unpackIrradiance(format, words).y);
     const double stored = static_cast<double>(texels[per_probe * static_cast<std::size_t>(k)].y);
     const double ulp = formatUlp(name, 1, std::max(expected, 1e-38));
-    worst = std::max(worst, std::abs(stored - expected) / (ulp + 1e-6 * expected));
+    worst = larger(worst, std::abs(stored - expected) / (ulp + 1e-6 * expected));
   }
   return worst;
 }
@@ -128,10 +129,11 @@ Measurement fireflies(Workbench& bench, const CaseVariant& variant) {
   constexpr int kUpdates = 200;
   double sum = 0, squares = 0, most = 0;
   for (uint64_t u = 0; u < kUpdates; ++u) {
+    throwIfInterrupted();
     field->update(u, {}, {});
     const double e =
         kPi * static_cast<double>(field->irradianceTexels()[static_cast<std::size_t>(texel)].y);
-    sum += e, squares += e * e, most = std::max(most, e);
+    sum += e, squares += e * e, most = larger(most, e);
   }
   const double mean = sum / kUpdates;
   const double error = std::sqrt((squares / kUpdates - mean * mean) / (kUpdates - 1));

@@ -40,8 +40,8 @@ Measurement rounding(Workbench&, const CaseVariant& variant) {
     const Vec3f once = stored(format, Vec3f(value));
     kept = kept && stored(format, once) == once;
     for (std::size_t c = 0; c < 3; ++c)
-      worst = std::max(worst, std::abs(static_cast<double>(once[c]) - static_cast<double>(value)) /
-                                  formatUlp(variant.format, c, static_cast<double>(value)));
+      worst = larger(worst, std::abs(static_cast<double>(once[c]) - static_cast<double>(value)) /
+                                formatUlp(variant.format, c, static_cast<double>(value)));
   }
   // 1/1023 is not a binary fraction: the unorm's products are rounded to fp32 as well.
   return both(within(worst, 0.5 + 1e-3, "ulp:"),
@@ -57,7 +57,7 @@ Measurement truncation(Workbench&, const CaseVariant& variant) {
                             half ? 0.300048828125 : 0.75};
   double worst = 0;
   for (std::size_t c = 0; c < 3; ++c)
-    worst = std::max(worst, std::abs(static_cast<double>(s[c]) - wanted[c]));
+    worst = larger(worst, std::abs(static_cast<double>(s[c]) - wanted[c]));
   return within(worst, 0,
                 fmt::format("{:g} is stored as {:g}; off the nearest by",
                             static_cast<double>(value), static_cast<double>(s.x)));
@@ -133,7 +133,7 @@ Measurement farDistances(Workbench& bench, const CaseVariant& variant) {
   convergeField(*field, {.average = 2});
   double largest = 0;
   for (const Vec2f& m : field->momentTexels())
-    largest = std::max({largest, static_cast<double>(m.x), static_cast<double>(m.y)});
+    largest = larger(larger(largest, static_cast<double>(m.x)), static_cast<double>(m.y));
   return both(checked(largest <= 2.25 * 1.001, fmt::format("largest moment {:.3g}", largest)),
               within(worstError(field->query(furnacePoints(5000)), kPi / 0.5), 2e-4, "E off by"));
 }

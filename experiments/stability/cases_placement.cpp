@@ -70,7 +70,7 @@ double constantError(const ProbeLayout& layout, const Params& params) {
   for (const QueryPoint& p : points) {
     if (!layout.bounds.contains(p.position)) continue;
     const double e = querySnapshot<double>(field, field.params, p).irradiance.y;
-    worst = std::max(worst, std::abs(e / (kPi / 2) - 1));
+    worst = larger(worst, std::abs(e / (kPi / 2) - 1));
   }
   return worst;
 }
@@ -116,8 +116,7 @@ Measurement degenerate(Workbench&, const CaseVariant& variant) {
                                              {Vec3f(1)}, twins, lattice};
   double worst = 0;
   for (const auto& positions : sets)
-    worst =
-        std::max(worst, constantError(scattered(place, variant.format, positions), place.params));
+    worst = larger(worst, constantError(scattered(place, variant.format, positions), place.params));
   return within(worst, 1e-6, fmt::format("{} layouts, error", sets.size()));
 }
 
@@ -133,9 +132,11 @@ Measurement nearestTies(Workbench&, const CaseVariant&) {
   for (uint32_t i = 0; i < found.size(); ++i) ordered = ordered && found[i].index == i;
   const std::vector<CornerWeight> tied =
       nearestFrom(NearestProbes(cube), cube, place.space, {Vec3f(1)}, {.k = 4});
-  float least = 1, most = 0;
-  for (const CornerWeight& w : tied)
-    least = std::min(least, w.weight), most = std::max(most, w.weight);
+  double least = 1, most = 0;
+  for (const CornerWeight& w : tied) {
+    const double weight = static_cast<double>(w.weight);
+    least = smaller(least, weight), most = larger(most, weight);
+  }
   const double error = constantError(scattered(place, "knn", cube), place.params);
   return both(checked(ordered && !tied.empty() && most > 0 && least == most,
                       fmt::format("{} of 8 by index, {} with weights of {:.2g} to {:.2g}",
@@ -215,7 +216,7 @@ Measurement tuningEnds(Workbench&, const CaseVariant& variant) {
   double off = 0;
   bool inside = true;
   for (std::size_t i = 0; i < keys.size(); ++i) {
-    off = std::max(off, std::abs(result.x[i] - wanted[i]));
+    off = larger(off, std::abs(result.x[i] - wanted[i]));
     inside = inside && result.x[i] >= 0 && result.x[i] <= 1;
   }
   return both(within(off, 0.02, "coordinates off by"),

@@ -57,7 +57,7 @@ Measurement oddNormals(Workbench& bench, const CaseVariant&) {
   for (const float k : {1e-3f, 0.5f, 7.0f, 1e6f}) {
     std::vector<QueryPoint> longer = unit;
     for (QueryPoint& p : longer) p.normal = p.normal * k;
-    worst = std::max(worst, worstDifference(field->query(longer), expected));
+    worst = larger(worst, worstDifference(field->query(longer), expected));
   }
   // A unit vector is one within 2^-22 after scaling and normalising.
   return within(worst, 1e-5, "difference");
@@ -106,7 +106,7 @@ Measurement outside(Workbench& bench, const CaseVariant& variant) {
   double worst = 0;
   const std::vector<Vec4f> answers = field->query(points);
   for (std::size_t i = 0; i < points.size(); ++i)
-    worst = std::max(worst, std::abs(static_cast<double>(answers[i].y) / kPi - weights[i]));
+    worst = larger(worst, std::abs(static_cast<double>(answers[i].y) / kPi - weights[i]));
   return within(worst, 1e-5, "error");
 }
 

@@ -49,10 +49,10 @@ Measurement shiftedNode(Workbench& bench, const CaseVariant&) {
     moved.root["nodes"][0]["translation"] = {metres, -metres, metres};
     const Scene there = loadTiny(bench, moved);
     worst =
-        std::max(worst, std::abs(length(there.origin - here.origin) / (metres * std::sqrt(3)) - 1));
+        larger(worst, std::abs(length(there.origin - here.origin) / (metres * std::sqrt(3)) - 1));
     for (std::size_t i = 0; i < here.geometry->positions.size(); ++i)
-      worst = std::max(worst, static_cast<double>(length(there.geometry->positions[i] -
-                                                         here.geometry->positions[i])));
+      worst = larger(worst, static_cast<double>(length(there.geometry->positions[i] -
+                                                       here.geometry->positions[i])));
   }
   // Half an ulp of fp64 at 9e6 m, through the transform and the origin: 4 x 2^-53 x 9e6 m; the
   // local positions, below 1 m, round to 2^-24.
@@ -114,7 +114,7 @@ Measurement sealedRoom(Workbench& bench, const CaseVariant& variant) {
   double most = 0;
   for (const double e :
        answersAt(bench, scene, {}, {}, points, {"reference", ""}, {.samples = 512}).e)
-    most = std::max(most, e);
+    most = larger(most, e);
   return within(most, 0, "largest E in the dark room");
 }
 

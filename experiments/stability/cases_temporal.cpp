@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "cases.h"
 #include "closed_forms.h"
 #include "sky_dial.h"
@@ -61,28 +62,29 @@ Measurement slowHistory(Workbench& bench, const CaseVariant&) {
   field->update(from, {}, {});
   double worst = 0;
   for (int n = 1; n <= 500; ++n) {
+    throwIfInterrupted();
     field->update(to, {.hysteresis = 0.999f}, {});
     if (n % 100 != 0) continue;
     const double left = (meanRadiance(*field) - goal) / (start - goal);
-    worst = std::max(worst, std::abs(left / std::pow(static_cast<double>(0.999f), n) - 1));
+    worst = larger(worst, std::abs(left / std::pow(static_cast<double>(0.999f), n) - 1));
   }
   return within(worst, 0.01, "off h^n by");
 }
 
-// Share of the step from 0.2 to 1 that is missing (the worst channel) when nothing changes any
-// more, or 0 as soon as less than 1 % is.
-double missing(ProbeField& field, const SkyDial& sky, double hysteresis) {
+// Share of the goal that is missing (the worst channel) after a step from 0.2 to 1 when nothing
+// changes any more, or as soon as it is less than `enough`.
+double missing(ProbeField& field, const SkyDial& sky, double hysteresis, double enough = 0) {
   const uint64_t from = sky.rotationFor(0.2), to = sky.rotationFor(1);
   const double goal = sky.radiance(to).y;
   field.update(from, {}, {});
   std::vector<Vec3f> before;
   for (int n = 0; n < 4000; ++n) {
+    throwIfInterrupted();
     field.update(to, {.hysteresis = static_cast<float>(hysteresis)}, {});
     if (n % 8 != 0) continue;
     std::vector<Vec3f> now = field.irradianceTexels();
     const double gap = 1 - static_cast<double>(minComponent(now.front())) / goal;
-    if (gap < 0.01) return 0;
-    if (now == before) return gap;
+    if (gap < enough || now == before) return gap;
     before = std::move(now);
   }
   throw Error("did not come to rest in 4000 updates");
@@ -92,21 +94,27 @@ Measurement stall(Workbench& bench, const CaseVariant& variant) {
   const SkyDial sky(Vec3f(0.99f), 0.9f);
   const auto field = sky.field(bench, plainParams(variant.format));
   const double goal = sky.radiance(sky.rotationFor(1)).y;
-  // A step (1 - h)(goal - x) below half an ulp is lost: it rests (ulp / 2) / (1 - h) below the
-  // goal.
-  const double half = formatUlp(variant.format, 2, 0.75) / 2;
-  const double at_97 = missing(*field, sky, 0.97);
-  if (at_97 > (half / 0.03 + 2 * half) / goal)
-    return within(at_97, (half / 0.03 + 2 * half) / goal, "missing at h 0.97:");
-  const double history =
-      breakingPoint(1.01, 200, [&](double x) { return missing(*field, sky, 1 - 1 / x) == 0; });
-  const double law = 0.01 * goal / half;
-  const std::string text =
-      fmt::format("h up to {:.3g} arrives (law {:.3g}); at 0.97 it reaches {:.3g}", 1 - 1 / history,
-                  std::max(0.0, 1 - 1 / law), 1 - at_97);
-  if (history >= 200) return checked(true, text);
-  if (history < law / 1.15) return checked(false, text);
-  return limitAt(history, text + fmt::format("; 1 / (1 - h) = {:.3g}", history));
+  // A step (1 - h)(goal - x) below half an ulp is lost: it rests at the first number of the format
+  // that is not more than (ulp / 2) / (1 - h) below the goal.
+  const double ulp = formatUlp(variant.format, 2, 0.75);
+  const double at_97 = 1 - missing(*field, sky, 0.97);
+  const double rest = ulp * std::ceil((goal - ulp / 2 / 0.03) / ulp) / goal;
+  // Half a number for ties; the device's sums, 3 roundings, over 1 - h.
+  const double rest_bound = ulp / 2 / goal + 3 * 0x1p-24 / 0.03;
+  // To come within 1 % it must leave the last number below 0.99 of the goal.
+  const double last = ulp * (std::ceil(0.99 * goal / ulp) - 1);
+  const double law = (goal - last) / (ulp / 2);
+  constexpr double kAccuracy = 0.05;
+  const double history = breakingPoint(
+      1.01, 200, [&](double x) { return missing(*field, sky, 1 - 1 / x, 0.01) < 0.01; }, kAccuracy);
+  const std::string text = fmt::format(
+      "at h 0.97 it reaches {:.4g} (law {:.4g}); 1 / (1 - h) up to {:.3g} arrives (law {:.3g})",
+      at_97, rest, history, law);
+  if (!(std::abs(at_97 - rest) <= rest_bound)) return checked(false, text);
+  if (history >= 200) return checked(law >= 200, text);
+  // What was found is the middle of an interval of that width.
+  if (!(std::abs(std::log(history / law)) <= kAccuracy / 2 + 1e-3)) return checked(false, text);
+  return limitAt(history, text);
 }
 
 // Dithered, h 0.97: the mean over texels and 100 updates.
@@ -119,6 +127,7 @@ Measurement dithered(Workbench& bench, const CaseVariant& variant) {
   field->update(sky.rotationFor(0.2), {}, {});
   double sum = 0;
   for (int u = 0; u < 500; ++u) {
+    throwIfInterrupted();
     field->update(to, {.hysteresis = 0.97f}, {});
     if (u >= 400) sum += meanRadiance(*field, 2) / 100;
   }
@@ -139,6 +148,7 @@ double energyShare(Workbench& bench, const std::string& preset, double variation
   const auto field = sky.field(bench, params);
   double mean = 0, sum = 0, truth = 0;
   for (uint64_t u = 0; u < 240; ++u) {
+    throwIfInterrupted();
     field->update(u, {.hysteresis = u == 0 ? 0.0f : 0.97f}, {});
     mean = u == 0 ? sky.radiance(u).y : 0.97 * mean + 0.03 * sky.radiance(u).y;
     if (u < 80) continue;
@@ -165,6 +175,7 @@ Measurement lightOn(Workbench& bench, const CaseVariant& variant) {
   const auto updates = [&](bool history) {
     const auto field = sky.field(bench, exactParams(variant.format));
     for (int u = 0; u < 600; ++u) {
+      throwIfInterrupted();
       const float h = history || u > 0 ? 0.97f : 0.0f;
       field->update(static_cast<uint64_t>(u), {.hysteresis = h}, {});
       if (meanRadiance(*field) >= 0.9) return u + 1;
@@ -189,6 +200,7 @@ Measurement slowestMode(Workbench& bench, const CaseVariant& variant) {
   for (double radiance = 1; radiance < 1.98; ++expected)
     radiance = 0.97 * radiance + 0.03 * (1 + 0.5 * radiance);
   for (int u = 2; u <= expected + 3 && measured == 0; ++u) {
+    throwIfInterrupted();
     field->update(0, {.hysteresis = 0.97f}, {});
     if (u >= expected - 3 && meanRadiance(*field) >= 1.98) measured = u;
   }
@@ -241,8 +253,9 @@ std::vector<StabilityCase> temporalCases() {
        {},
        slowHistory},
       {"temporal.stall", "light rises from 0.2 to 1, nearest rounding",
-       "rests (ulp / 2) / (1 - h) below; less than 1 % missing up to h = 0.995", "G33 P5",
-       irradianceFormats(), stall},
+       "rests (ulp / 2) / (1 - h) below, on the format's grid; less than 1 % missing up to h = "
+       "0.995",
+       "G33 P5", irradianceFormats(), stall},
       {"temporal.dithered", "the same at h = 0.97, dithered",
        "arrives: 4 deviations of the dither's noise", "G33 P5", irradianceFormats(), dithered},
       {"temporal.energy",

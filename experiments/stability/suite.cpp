@@ -2,6 +2,7 @@
 #include "stability/suite.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -10,6 +11,7 @@
 #include "base/suggest.h"
 #include "base/timer.h"
 #include "cases.h"
+#include "stability/limits.h"
 
 namespace probelab {
 namespace {
@@ -20,6 +22,8 @@ std::string rowId(const StabilityCase& of, const CaseVariant& variant) {
     if (!part.empty()) id += "/" + part;
   return id;
 }
+
+std::string groupOf(const StabilityCase& of) { return of.id.substr(0, of.id.find('.')); }
 
 // '*' stands for any text. Only the last star ever has to take more of the text, so the time is at
 // most the product of the lengths.
@@ -80,36 +84,43 @@ std::vector<StabilityCase> stabilityCases() {
 
 std::vector<PlannedRow> planRows(const std::string& name) {
   std::vector<PlannedRow> planned;
-  std::vector<std::string> known;
+  std::vector<std::string> known, groups;
   for (const StabilityCase& of : stabilityCases()) {
     known.push_back(of.id);
+    const std::string group = groupOf(of);
+    if (std::ranges::find(groups, group) == groups.end()) groups.push_back(group);
     for (const CaseVariant& variant : of.variants) {
       const std::string id = rowId(of, variant);
       if (id != of.id) known.push_back(id);
       if (matchesCase(id, name)) planned.push_back({of, variant, id});
     }
   }
-  if (planned.empty())
-    throwInput("--case: no case is called '{}'{}", name, suggestion(name, known));
+  if (planned.empty()) {
+    const std::string nearest = nearestName(name, known);
+    if (!nearest.empty())
+      throwInput("--case: no case is called '{}', did you mean '{}'?", name, nearest);
+    throwInput("--case: no case is called '{}'; groups are: {}", name, fmt::join(groups, ", "));
+  }
   return planned;
 }
 
 std::vector<StabilityRow> runRows(GpuContext& gpu, const std::vector<PlannedRow>& planned,
                                   const std::function<void(const StabilityRow&)>& on_row) {
   Workbench bench(gpu);
+  const RecordedLimits limits = recordedLimits(gpu.info().name);
   std::vector<StabilityRow> rows;
   for (const PlannedRow& row : planned) {
     throwIfInterrupted();
     if (row.variant.tracer == "rayquery" && !gpu.info().ray_query) continue;
     const Timer timer;
     StabilityRow result{row.id,
-                        row.of.id.substr(0, row.of.id.find('.')),
+                        groupOf(row.of),
                         row.of.title,
                         row.variant.tracer,
                         row.variant.format,
                         row.of.expectation,
                         row.of.list,
-                        runGuarded(row, bench),
+                        againstRecord(runGuarded(row, bench), row.id, limits),
                         0};
     result.seconds = timer.seconds();
     if (on_row) on_row(result);

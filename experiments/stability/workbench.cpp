@@ -10,7 +10,11 @@
 #include <numbers>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/rng.h"
+#include "closed_forms.h"
+#include "ddgi/texels.h"
+#include "shared/octahedral.h"
 
 namespace probelab {
 namespace {
@@ -43,6 +47,7 @@ Workbench::~Workbench() {
 std::unique_ptr<ProbeField> Workbench::field(const BuiltScene& scene, const ProbeLayout& layout,
                                              const Params& params, const CaseVariant& variant,
                                              uint64_t seed) {
+  throwIfInterrupted();
   FieldSettings settings;
   settings.seed = seed;
   settings.tracer = tracerOf(variant);
@@ -165,9 +170,9 @@ Measurement near(const Answers& answers, const Answers& other, double bound) {
     const double difference = std::abs(answers.e[i] - other.e[i]);
     const double scale = std::max(std::abs(other.e[i]), 1e-30);
     const double error = std::hypot(answers.error[i], other.error[i]);
-    sampled = sampled || error > 0;
-    worst = std::max(worst, difference / scale);
-    sigmas = std::max(sigmas, difference / std::hypot(error, 1e-5 * scale));
+    sampled = sampled || error != 0;
+    worst = larger(worst, difference / scale);
+    sigmas = larger(sigmas, difference / std::hypot(error, 1e-5 * scale));
   }
   if (!sampled) return within(worst, bound, "error");
   return {sigmas <= 5 ? Verdict::holds : Verdict::fails,
@@ -178,10 +183,19 @@ Measurement near(const Answers& answers, const std::vector<double>& truth, doubl
   return near(answers, Answers{truth, std::vector<double>(truth.size(), 0.0)}, bound);
 }
 
+double larger(double a, double b) { return std::isnan(a) || a >= b ? a : b; }
+double smaller(double a, double b) { return std::isnan(a) || a <= b ? a : b; }
+
+double largestOf(std::span<const double> values) {
+  double most = -INFINITY;
+  for (const double v : values) most = larger(most, v);
+  return most;
+}
+
 double worstError(std::span<const Vec4f> answers, double truth) {
   double worst = 0;
   for (const Vec4f& e : answers)
-    worst = std::max(worst, std::abs(static_cast<double>(e.y) - truth) / std::abs(truth));
+    worst = larger(worst, std::abs(static_cast<double>(e.y) - truth) / std::abs(truth));
   return worst;
 }
 
@@ -189,10 +203,29 @@ double worstDifference(std::span<const Vec4f> a, std::span<const Vec4f> b) {
   double worst = 0, top = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
     const Vec3d va(Vec3f(a[i].x, a[i].y, a[i].z)), vb(Vec3f(b[i].x, b[i].y, b[i].z));
-    worst = std::max(worst, length(va - vb));
-    top = std::max(top, length(va));
+    worst = larger(worst, length(va - vb));
+    top = larger(top, length(va));
   }
   return top > 0 ? worst / top : worst;
+}
+
+double probeError(Workbench& bench, const BuiltScene& scene, const CaseVariant& variant,
+                  const std::function<double(const Vec3d&)>& radiance) {
+  Params params = exactParams("probelab");
+  params.rays = 4096;
+  const Box3f& bounds = scene.scene.bounds;
+  const auto field =
+      bench.field(scene, fullLattice(bounds, Vec3i(1, 1, 1), bounds), params, variant);
+  field->update(0, {}, {});
+  const int n = atlasSides(params).irradiance;
+  std::vector<Vec3d> normals;
+  for (int t = 0; t < n * n; ++t) normals.push_back(texelDirection<double>(t % n, t / n, n));
+  const std::vector<double> truth = irradianceOf(normals, radiance);
+  const std::vector<Vec3f> texels = field->irradianceTexels();
+  double worst = 0;
+  for (std::size_t t = 0; t < truth.size(); ++t)
+    worst = larger(worst, std::abs(std::numbers::pi * static_cast<double>(texels[t].y) - truth[t]));
+  return worst;
 }
 
 Measurement within(double value, double bound, const std::string& what) {
@@ -232,11 +265,15 @@ Measurement both(const Measurement& a, const Measurement& b) {
 
 double breakingPoint(double low, double high, const std::function<bool(double)>& holds,
                      double accuracy) {
-  if (!holds(low)) throw Error(fmt::format("does not even hold at {:g}", low));
-  if (holds(high)) return high;
+  const auto holds_at = [&](double x) {
+    throwIfInterrupted();
+    return holds(x);
+  };
+  if (!holds_at(low)) throw Error(fmt::format("does not even hold at {:g}", low));
+  if (holds_at(high)) return high;
   while (std::abs(std::log(high / low)) > accuracy) {
     const double middle = std::sqrt(low * high);
-    (holds(middle) ? low : high) = middle;
+    (holds_at(middle) ? low : high) = middle;
   }
   return std::sqrt(low * high);
 }

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <span>
 #include <string>
 #include <utility>
@@ -36,7 +37,7 @@ class Workbench {
   GpuContext& gpu() { return gpu_; }
   // A temporary folder for files.
   const std::filesystem::path& folder() const { return folder_; }
-  // With the variant's tracer, embree where it names none.
+  // With the variant's tracer, embree where it names none. Throws Interrupted.
   std::unique_ptr<ProbeField> field(const BuiltScene& scene, const ProbeLayout& layout,
                                     const Params& params, const CaseVariant& variant = {},
                                     uint64_t seed = 0);
@@ -89,11 +90,23 @@ Measurement near(const Answers& answers, const std::vector<double>& truth, doubl
 // The same of two, of either kind.
 Measurement near(const Answers& answers, const Answers& other, double bound);
 
+// The larger and the smaller of two, and NaN where either is: a number that is none must not get
+// lost on the way to a judgement.
+double larger(double a, double b);
+double smaller(double a, double b);
+double largestOf(std::span<const double> values);
+
 // Largest relative difference of green from `truth`, and largest difference over the largest value.
 double worstError(std::span<const Vec4f> answers, double truth);
 double worstDifference(std::span<const Vec4f> a, std::span<const Vec4f> b);
 
-// Judgements.
+// One probe at the middle of the bounds, one update of 4096 rays from black: largest difference of
+// its texels from the irradiance of `radiance` (of a direction).
+double probeError(Workbench& bench, const BuiltScene& scene, const CaseVariant& variant,
+                  const std::function<double(const Vec3d&)>& radiance);
+constexpr double kProbeStratum = 4 * std::numbers::pi / 4096;  // solid angle of a ray
+
+// Judgements. `within` holds where value <= bound, so not for NaN.
 Measurement within(double value, double bound, const std::string& what = "");
 Measurement checked(bool holds, const std::string& text);
 // A point that was measured; beyond `wanted` nothing breaks any more.
@@ -105,7 +118,7 @@ Measurement both(const Measurement& a, const Measurement& b);
 
 // The x in [low, high] at which `holds` turns from true at `low` to false, to a relative
 // `accuracy`, halving logarithms. Throws Error when it does not hold at `low`; `high` where it
-// holds there too.
+// holds there too. Can be interrupted.
 double breakingPoint(double low, double high, const std::function<bool(double)>& holds,
                      double accuracy = 0.05);
 

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The hard-case suite, run once: every row by its id, no row that fails, at least 60 that hold, and
-// each limit where limits.json says that it lies.
+// each limit where the program's own record says that it lies.
 #include "stability/suite.h"
 
-#include <fstream>
 #include <map>
-#include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 
 #include "base/error.h"
 #include "gpu_fixture.h"
+#include "stability/limits.h"
 
 namespace probelab {
 namespace {
@@ -29,8 +28,7 @@ void expectEveryCaseOfTheLists(const std::vector<PlannedRow>& planned) {
 }
 
 TEST_F(Stability, EveryRowHoldsOrEndsWhereItIsKnownTo) {
-  std::ifstream file(PROBELAB_SOURCE_DIR "/tests/stability/limits.json");
-  const nlohmann::json limits = nlohmann::json::parse(file);
+  const RecordedLimits limits = recordedLimits(gpu().info().name);
   const std::vector<PlannedRow> planned = planRows("");
   expectEveryCaseOfTheLists(planned);
   std::map<std::string, StabilityRow> rows;
@@ -45,19 +43,32 @@ TEST_F(Stability, EveryRowHoldsOrEndsWhereItIsKnownTo) {
     SCOPED_TRACE(plan.id);
     ASSERT_TRUE(rows.contains(plan.id));
     const Measurement& m = rows.at(plan.id).measured;
-    // Limits of a device's own intersection tests are recorded for Mesa's software device.
-    const bool is_known = plan.variant.tracer != "rayquery" || gpu().info().is_cpu;
     if (m.verdict == Verdict::holds) ++holds;
     EXPECT_NE(m.verdict, Verdict::fails) << m.text;
-    if (!is_known) continue;
+    if (limits.empty()) continue;
     EXPECT_EQ(m.verdict == Verdict::limit, limits.contains(plan.id)) << m.text;
-    if (m.verdict != Verdict::limit || !limits.contains(plan.id)) continue;
-    const double recorded = limits.at(plan.id).get<double>();
-    ASSERT_TRUE(m.breaking_point.has_value());
-    EXPECT_NEAR(*m.breaking_point, recorded, 0.2 * recorded) << m.text;
   }
   EXPECT_GE(holds, 60);
   RecordProperty("seconds", std::to_string(seconds));
+}
+
+TEST(StabilityLimits, AreHeldToTheRecordOfTheirDevice) {
+  const RecordedLimits none, known{{"a.b", 10}};
+  const auto verdict = [](Verdict was, std::optional<double> at, const RecordedLimits& limits,
+                          const std::string& id = "a.b") {
+    return againstRecord({was, "", at}, id, limits).verdict;
+  };
+  EXPECT_EQ(verdict(Verdict::limit, 8.1, known), Verdict::limit);
+  EXPECT_EQ(verdict(Verdict::limit, 11.9, known), Verdict::limit);
+  EXPECT_EQ(verdict(Verdict::limit, 7.9, known), Verdict::fails);
+  EXPECT_EQ(verdict(Verdict::limit, 12.1, known), Verdict::fails);
+  EXPECT_EQ(verdict(Verdict::limit, NAN, known), Verdict::fails);
+  EXPECT_EQ(verdict(Verdict::limit, std::nullopt, known), Verdict::fails);
+  EXPECT_EQ(verdict(Verdict::limit, 10, known, "a.c"), Verdict::fails);
+  EXPECT_EQ(verdict(Verdict::limit, 99, none), Verdict::limit);
+  EXPECT_EQ(verdict(Verdict::holds, 99, known), Verdict::holds);
+  EXPECT_TRUE(recordedLimits("a device that nobody measured").empty());
+  EXPECT_FALSE(recordedLimits("llvmpipe (LLVM 15.0.6, 256 bits)").empty());
 }
 
 TEST(StabilityNames, FindRowsCasesGroupsAndPatterns) {
