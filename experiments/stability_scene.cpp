@@ -155,7 +155,8 @@ Measurement SceneSuite::judged(double change, double bound, const std::string& t
   changes_.push_back(change);
   if (std::abs(change) <= bound) return {Verdict::holds, text, std::nullopt};
   return {std::abs(change) <= most ? Verdict::limit : Verdict::fails,
-          text + fmt::format("; fails above {:.2g}", most), std::abs(change)};
+          std::isfinite(most) ? text + fmt::format("; fails above {:.2g}", most) : text,
+          std::abs(change)};
 }
 
 Measurement SceneSuite::moved(const Run& run, double more) {

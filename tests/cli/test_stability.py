@@ -28,7 +28,15 @@ class Suite(CliTest):
     def test_an_unknown_name_is_refused_with_the_nearest(self):
         self.assert_refused("stability", "--case", "query.outsid3",
                             words=("no case is called 'query.outsid3'", "'query.outside'"))
+        self.assert_refused("stability", "--case", "nonsense", words=("groups are: geometry, ",))
 
+    def test_the_table_fits_100_columns(self):
+        text = self.run_ok("stability", "--case", "files.node_cycle").stdout
+        self.assertLessEqual(max(map(len, text.splitlines())), 100)
+        self.assertRegex(text, r"s of CPU$")
+
+    def test_an_empty_scene_is_refused(self):
+        self.assert_refused("stability", "", words=("SCENE is empty",))
 
     def test_options_of_a_scene_need_one(self):
         self.assert_refused("stability", "--probes", 27, words=("--probes needs a SCENE",))
