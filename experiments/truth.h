@@ -13,7 +13,7 @@
 namespace probelab {
 
 // Part of the cache's key: raise it whenever the tracer or the receivers give other numbers.
-inline constexpr int kTruthVersion = 1;
+inline constexpr int kTruthVersion = 2;
 
 struct TruthOptions {
   int count = 4096;
