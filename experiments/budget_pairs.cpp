@@ -22,9 +22,11 @@ struct NotingView : FieldView {
     return kNoIrradiance;
   }
   const Vec2f& fetchMoments(int, int) const { return kNoMoments; }
+  float fetchAhead(int, int) const { return 0; }
 };
 
-// Of one point.
+// Of one point. Irradiance is that of the pair's reading direction, so the distance ahead is not
+// asked for.
 struct PairView : FieldView {
   std::span<const int> probes;
   std::span<const Vec3f> irradiance;
@@ -37,6 +39,7 @@ struct PairView : FieldView {
   }
   const Vec3f& fetchIrradiance(int probe, int) const { return irradiance[find(probe)]; }
   const Vec2d& fetchMoments(int probe, int) const { return moments[find(probe)]; }
+  float fetchAhead(int, int) const { return 0; }
 };
 
 void sortByProbe(ProbePairs& pairs, std::size_t probes) {
@@ -78,6 +81,13 @@ Vec3d readingOffset(const FieldSnapshot& field, const QueryPoint& point, int pro
                              : field.lattice.bias_length;
   return Vec3d(point.position) + bias * static_cast<double>(length_m) -
          Vec3d(field.fetchPosition(probe));
+}
+
+Vec3f readingDirection(const FieldSnapshot& field, const QueryPoint& point, int probe,
+                       double ahead_m) {
+  if (field.modes.parallax == 0) return point.normal;
+  const Vec3d offset = Vec3d(point.position) - Vec3d(field.fetchPosition(probe));
+  return Vec3f(normalize(parallaxDirection(field.params, Vec3d(point.normal), offset, ahead_m)));
 }
 
 Vec3f queryPairs(const FieldSnapshot& field, const QueryParams<double>& params,

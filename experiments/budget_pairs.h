@@ -27,6 +27,11 @@ ProbePairs pairPoints(const FieldSnapshot& field, std::span<const QueryPoint> po
 // From the probe to where it is read, as the query takes it: direction (unit) and distance.
 Vec3d readingOffset(const FieldSnapshot& field, const QueryPoint& point, int probe);
 
+// The direction in which the query at a point reads a probe's irradiance: the normal, or with
+// parallax aside of it; `ahead_m`: mean distance that the probe sees along the normal.
+Vec3f readingDirection(const FieldSnapshot& field, const QueryPoint& point, int probe,
+                       double ahead_m);
+
 // The query at a point with one value of irradiance and one of moments a pair in place of maps.
 // Values are as stored; `params` decodes them.
 Vec3f queryPairs(const FieldSnapshot& field, const QueryParams<double>& params,

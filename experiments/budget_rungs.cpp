@@ -25,7 +25,7 @@ const Vec2d kHidden(0, 0);
 
 // Directions of the exact rungs are those of rotations that no field reaches.
 constexpr uint64_t kExactRotation = uint64_t{1} << 40;
-constexpr uint64_t kPairLobes = 0, kTexelLobes = 1;  // counters of their turns
+constexpr uint64_t kPairLobes = 0, kTexelLobes = 1, kAheadLobes = 2;  // counters of their turns
 constexpr std::size_t kProbesAtOnce = 32;            // between two reports of progress
 
 // Parameters that store what they are given.
@@ -148,8 +148,34 @@ class Budget {
     }
   }
 
-  // Irradiance at the pairs' normals, pairs' visibility and moments; maps of very many rays.
+  // Directions in which pairs read irradiance.
+  void findDirections() {
+    pair_directions_.resize(pairs_.probe.size());
+    forProbes(0, kProbesAtOnce, [&](std::size_t i, RayCount& rays) {
+      const int probe = pairs_.used[i];
+      const DistanceUnits rule = distanceRule(probe);
+      for (const uint32_t pair : pairsOf(probe)) {
+        const QueryPoint& point = points_[pairs_.point[pair]];
+        double ahead_m = 0;
+        if (snapshot_.modes.parallax != 0)
+          ahead_m = lobeAlong(probe, Vec3d(point.normal), kAheadLobes, pairs_.point[pair], rule,
+                              rays).x * rule.unit_m;
+        pair_directions_[pair] = readingDirection(snapshot_, point, probe, ahead_m);
+      }
+    });
+  }
+
+  Vec2d lobeAlong(int probe, const Vec3d& axis, uint64_t kind, uint64_t index,
+                  const DistanceUnits& rule, RayCount& rays) {
+    const double turn = toUnitDouble(
+        hashCounters(field_.seed, RngStream::budget, kind, static_cast<uint64_t>(probe), index));
+    return tracer_.lobeMoments(position(probe), Vec3f(axis), field_.params.distance_exponent,
+                               rays_.lobe, turn, rule, rays);
+  }
+
+  // Irradiance in the pairs' directions, pairs' visibility and moments; maps of very many rays.
   ProbeMaps traceExactly() {
+    findDirections();
     ProbeMaps maps = emptyMaps();
     for (auto& half : pair_irradiance_) half.resize(pairs_.probe.size());
     seen_.resize(pairs_.probe.size());
@@ -174,13 +200,13 @@ class Budget {
     return maps;
   }
 
-  // What the points that read a probe find in their normals' hemispheres.
+  // What the points that read a probe find in the hemispheres of their directions.
   void readRays(int probe, int half, std::span<const ProbeRay> rays,
                 std::span<const Vec3f> directions) {
     if (isFrozen(rays, field_.params)) return;
     for (const uint32_t pair : pairsOf(probe))
       pair_irradiance_[static_cast<std::size_t>(half)][pair] = radianceUnderCosine(
-          rays, directions, 0, points_[pairs_.point[pair]].normal, field_.params);
+          rays, directions, 0, pair_directions_[pair], field_.params);
   }
 
   std::span<const uint32_t> pairsOf(int probe) const {
@@ -193,10 +219,7 @@ class Budget {
     const int probe = pairs_.used[place];
     const DistanceUnits rule = distanceRule(probe);
     const auto momentsAlong = [&](const Vec3d& axis, uint64_t kind, uint64_t index) {
-      const double turn = toUnitDouble(
-          hashCounters(field_.seed, RngStream::budget, kind, static_cast<uint64_t>(probe), index));
-      return tracer_.lobeMoments(position(probe), Vec3f(axis), field_.params.distance_exponent,
-                                 rays_.lobe, turn, rule, rays);
+      return lobeAlong(probe, axis, kind, index, rule, rays);
     };
     for (const uint32_t pair : pairsOf(probe)) {
       const QueryPoint& point = points_[pairs_.point[pair]];
@@ -346,7 +369,7 @@ class Budget {
   }
 
   void noteBytes(uint64_t maps) {
-    const uint64_t a_pair = 2 * sizeof(Vec3f) + 2 * sizeof(Vec2d) + 4 * sizeof(uint32_t);
+    const uint64_t a_pair = 3 * sizeof(Vec3f) + 2 * sizeof(Vec2d) + 4 * sizeof(uint32_t);
     result_.bytes = std::max(result_.bytes, maps + pairs_.probe.size() * a_pair);
   }
 
@@ -361,6 +384,7 @@ class Budget {
   ProbePairs pairs_;
   ProbeRayTracer tracer_;
   std::array<std::vector<Vec3f>, 2> pair_irradiance_;  // mean radiance, [half][pair]
+  std::vector<Vec3f> pair_directions_;                  // that irradiance is read in, [pair]
   std::vector<Vec2d> seen_, pair_moments_;
   BudgetEstimates result_;
   std::atomic<uint64_t> closest_{0}, shadow_{0};

@@ -100,6 +100,24 @@ CornerWeights nearestWeights(const Lattice& corners, const std::vector<Vec3f>& p
   return weights;
 }
 
+CornerWeights pieceWeights(const WallPieces& pieces, const Lattice& corners, CornerWeights weights,
+                           const std::vector<Vec3f>& positions, const FreeSpace& space,
+                           const CornerSettings& settings) {
+  const NearestProbes probes(positions);
+  weights.resize(pieces.viewpoints.size());
+  parallelFor(weights.size(), 64, [&](std::size_t begin, std::size_t end) {
+    throwIfInterrupted();
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::vector<Vec3f>& from = pieces.viewpoints[i];
+      if (from.empty()) continue;
+      const auto corner = static_cast<int>(pieces.corner[i]);
+      if (from.size() == 1 && from[0] == corners.position(corner)) continue;
+      weights[i] = nearestFrom(probes, positions, space, from, settings);
+    }
+  });
+  return weights;
+}
+
 #ifdef PROBELAB_WITH_CGAL
 CornerWeights tetrahedraWeights(const Lattice& corners, const std::vector<Vec3f>& positions,
                                 const FreeSpace& space, const CornerSettings& settings) {

@@ -104,12 +104,16 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
   data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
                                       partOf(input, 0.3, 1).progress);
-  ProbeLayout layout = scatterProbes(space, model.positions());
+  const ScatteredWeights w = scatteredWeights(space, model.positions());
+  ProbeLayout layout = scatteredLayout(w.interpolant, model.positions(), input.scene.bounds,
+                                       w.corners, w.weights, w.pieces);
   if (fit.iterations == 0) return layout;
-  const CornerWeights fitted = fitWeights(data, judged, layout, cornerWeights(layout.influence),
-                                          input.params, objective, fit);
-  return scatteredLayout(Interpolant::fitted, layout.positions, input.scene.bounds,
-                         layout.influence.corners, fitted);
+  // Without walls corners in solids have taken their neighbours' weights.
+  const CornerWeights fitted =
+      fitWeights(data, judged, layout, w.pieces.any() ? w.weights : cornerWeights(layout.influence),
+                 w.pieces, input.params, objective, fit);
+  return scatteredLayout(Interpolant::fitted, layout.positions, input.scene.bounds, w.corners,
+                         fitted, w.pieces);
 }
 
 }  // namespace

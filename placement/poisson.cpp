@@ -134,9 +134,10 @@ ProbeLayout placePoissonBest(const PlacementInput& input) {
   const Clearance clearance(input, wall_share > 0);
   double best_score = std::numeric_limits<double>::infinity();
   ProbeLayout best;
+  KnownWalls walls;
   for (int i = 0; i < tries; ++i) {
     const uint64_t seed = hashCounters(input.seed, RngStream::placement, static_cast<uint64_t>(i));
-    ProbeLayout layout = scatterProbes(space, throwDarts(space, clearance, wall_share, seed));
+    ProbeLayout layout = scatterProbes(space, throwDarts(space, clearance, wall_share, seed), {}, &walls);
     const double score = input.training.score(layout, input.params);
     if (score < best_score) best_score = score, best = std::move(layout);
     if (input.progress) input.progress((i + 1.0) / tries);

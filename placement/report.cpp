@@ -64,14 +64,12 @@ std::vector<CornerWeight> latticeWeights(const ProbeLayout& layout, const Vec3f&
 }
 
 std::vector<CornerWeight> voxelWeights(const InfluenceGrid& grid, const Vec3f& p) {
-  const Cell cell = cellAt(grid.corners, p);
-  const Vec3i n = grid.voxels();
-  const auto voxel = static_cast<std::size_t>((cell.low.z * n.y + cell.low.y) * n.x + cell.low.x);
+  const VoxelPlace place = voxelAt(grid.corners, grid.pieces, p);
   std::vector<CornerWeight> weights;
-  for (uint32_t e = grid.voxel_begin[voxel]; e < grid.voxel_begin[voxel + 1]; ++e) {
+  for (uint32_t e = grid.voxel_begin[place.piece]; e < grid.voxel_begin[place.piece + 1]; ++e) {
     float weight = 0;
-    for (int k = 0; k < 8; ++k)
-      weight += cornerShare(cell, k) * static_cast<float>(grid.entries[e].weights[k]) / 255;
+    for (std::size_t k = 0; k < 8; ++k)
+      weight += place.share[k] * static_cast<float>(grid.entries[e].weights[k]) / 255;
     if (weight > 0) weights.push_back({grid.entries[e].probe, weight});
   }
   return weights;

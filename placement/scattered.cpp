@@ -26,6 +26,10 @@ std::vector<std::string> names() {
   return all;
 }
 
+bool sameLattice(const Lattice& a, const Lattice& b) {
+  return a.first == b.first && a.spacing == b.spacing && a.count == b.count;
+}
+
 std::string interpolantNames() { return fmt::format("{}", fmt::join(names(), " | ")); }
 
 }  // namespace
@@ -39,14 +43,17 @@ std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
   own.push_back({"sharpness", "10", "0.01 .. 100",
                  "with maxent: of the kernel; low ones smooth, high ones tend to tetrahedra"});
   own.push_back({"visibility", "on", "on | off", "only probes that a place sees count there"});
+  own.push_back({"walls", "on", "on | off",
+                 "voxels that a wall divides have weights of their own on either side"});
   own.push_back({"cells", "2", "0.5 .. 8", "voxels of the query's index along one mean spacing"});
   return own;
 }
 
-ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
-                          std::vector<uint8_t> pinned) {
+ScatteredWeights scatteredWeights(const FreeSpace& space, const std::vector<Vec3f>& positions,
+                                  KnownWalls* known) {
   const PlacementInput& input = space.input();
-  const Interpolant interpolant =
+  ScatteredWeights result;
+  const Interpolant interpolant = result.interpolant =
       kInterpolants[static_cast<std::size_t>(choiceOption(input, "interpolant", names()))];
   CornerSettings settings;
   settings.k = integerOption(input, "k", 0, 64);
@@ -54,10 +61,10 @@ ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
   const double sharpness = numberOption(input, "sharpness", 0.01, 100);
   if (interpolant == Interpolant::maxent) settings.sharpness = sharpness;
   settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
-  const Lattice corners =
+  const Lattice& corners = result.corners =
       influenceCorners(input.scene.bounds, space.spacing(static_cast<int>(positions.size())),
                        numberOption(input, "cells", 0.5, 8));
-  CornerWeights weights;
+  CornerWeights& weights = result.weights;
   if (interpolant == Interpolant::natural)
     weights = naturalWeights(corners, positions, space, settings);
 #ifdef PROBELAB_WITH_CGAL
@@ -66,8 +73,22 @@ ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
 #endif
   else
     weights = nearestWeights(corners, positions, space, settings);
-  ProbeLayout layout = scatteredLayout(interpolant, std::move(positions), input.scene.bounds,
-                                       corners, std::move(weights));
+  if (choiceOption(input, "walls", {"on", "off"}) != 0 || !settings.visibility) return result;
+  KnownWalls own;
+  KnownWalls& found = known != nullptr ? *known : own;
+  if (found.walls.viewpoints.empty() || !sameLattice(found.corners, corners))
+    found = {corners, findWallPieces(corners, space)};
+  weights = pieceWeights(found.walls, corners, std::move(weights), positions, space, settings);
+  result.pieces = found.walls.pieces;
+  return result;
+}
+
+ProbeLayout scatterProbes(const FreeSpace& space, std::vector<Vec3f> positions,
+                          std::vector<uint8_t> pinned, KnownWalls* known) {
+  ScatteredWeights w = scatteredWeights(space, positions, known);
+  ProbeLayout layout =
+      scatteredLayout(w.interpolant, std::move(positions), space.input().scene.bounds, w.corners,
+                      std::move(w.weights), w.pieces);
   layout.pinned = std::move(pinned);
   return layout;
 }

@@ -55,6 +55,8 @@ Defines fieldDefines(const Params& params, const LayoutUse& use) {
   add("PL_MOVED", use.moved ? 1 : 0);
   add("PL_FULL_LATTICE", use.full ? 1 : 0);
   add("PL_OFFSET_WEIGHTS", modes.offset_weights);
+  add("PL_WALLS", use.walls ? 1 : 0);
+  add("PL_PARALLAX", modes.parallax);
   return defines;
 }
 

@@ -81,11 +81,11 @@ CornerShares neighboursMean(const std::vector<CornerShares>& corners, const Vec3
   return roundWeights(sum);
 }
 
-// Gives every empty corner the mean of its neighbours', ring by ring.
+// Gives every empty corner of the grid the mean of its neighbours', ring by ring.
 void fillEmptyCorners(std::vector<CornerShares>& corners, const Vec3i& count) {
   std::vector<int> empty;
-  for (std::size_t i = 0; i < corners.size(); ++i)
-    if (corners[i].empty()) empty.push_back(static_cast<int>(i));
+  for (int i = 0; i < count.x * count.y * count.z; ++i)
+    if (corners[asSize(i)].empty()) empty.push_back(i);
   PROBELAB_CHECK(empty.size() < corners.size());
   while (!empty.empty()) {
     std::vector<CornerShares> means(empty.size());
@@ -101,18 +101,15 @@ void fillEmptyCorners(std::vector<CornerShares>& corners, const Vec3i& count) {
   }
 }
 
-// Corner k of a voxel (x + 2 y + 4 z) in the grid of corners.
-int voxelCorner(const InfluenceGrid& grid, int voxel, int k) {
-  const Vec3i at = gridPlace(grid.voxels(), voxel);
-  return gridIndex(grid.corners.count, at.x + (k & 1), at.y + ((k >> 1) & 1), at.z + (k >> 2));
-}
-
-// The union of the probes of a voxel's corners, by probe.
-std::vector<InfluenceEntry> voxelEntries(const InfluenceGrid& grid, int voxel,
+// The union of the probes of a piece's corners, by probe.
+std::vector<InfluenceEntry> pieceEntries(const InfluenceGrid& grid, const VoxelPieces& pieces,
+                                         std::size_t piece,
                                          const std::vector<CornerShares>& corners) {
   std::vector<InfluenceEntry> entries;
   for (int k = 0; k < 8; ++k)
-    for (const CornerShare& share : corners[asSize(voxelCorner(grid, voxel, k))]) {
+    for (const CornerShare& share :
+         corners[pieces.lists.empty() ? voxelCorner(grid.corners, piece, k)
+                                      : pieces.lists[piece][asSize(k)]]) {
       auto found = std::lower_bound(
           entries.begin(), entries.end(), share.probe,
           [](const InfluenceEntry& entry, uint32_t probe) { return entry.probe < probe; });
@@ -123,8 +120,28 @@ std::vector<InfluenceEntry> voxelEntries(const InfluenceGrid& grid, int voxel,
   return entries;
 }
 
-Vec3f voxelMiddle(const InfluenceGrid& grid, int voxel) {
-  const Vec3i at = gridPlace(grid.voxels(), voxel);
+std::size_t voxelCount(const InfluenceGrid& grid) {
+  const Vec3i voxels = grid.voxels();
+  return asSize(voxels.x) * asSize(voxels.y) * asSize(voxels.z);
+}
+
+std::size_t pieceCount(const InfluenceGrid& grid) {
+  return voxelCount(grid) + grid.pieces.planes.size();
+}
+
+// [piece]: its voxel.
+std::vector<std::size_t> voxelOfPiece(const InfluenceGrid& grid) {
+  std::vector<std::size_t> voxels(pieceCount(grid));
+  for (std::size_t v = 0; v < voxelCount(grid); ++v) {
+    voxels[v] = v;
+    if (grid.pieces.any() && grid.pieces.plane_of_voxel[v] >= 0)
+      voxels[voxelCount(grid) + asSize(grid.pieces.plane_of_voxel[v])] = v;
+  }
+  return voxels;
+}
+
+Vec3f voxelMiddle(const InfluenceGrid& grid, std::size_t voxel) {
+  const Vec3i at = gridPlace(grid.voxels(), static_cast<int>(voxel));
   const Vec3f middle(static_cast<float>(at.x) + 0.5f, static_cast<float>(at.y) + 0.5f,
                      static_cast<float>(at.z) + 0.5f);
   return grid.corners.first + middle * grid.corners.spacing;
@@ -132,22 +149,17 @@ Vec3f voxelMiddle(const InfluenceGrid& grid, int voxel) {
 
 float squaredDistance(const Vec3f& a, const Vec3f& b) { return dot(a - b, a - b); }
 
-// Nearest of a voxel's entries to its middle; -1 without entries.
-int32_t nearestEntry(const InfluenceGrid& grid, int voxel, const std::vector<Vec3f>& positions) {
-  const Vec3f middle = voxelMiddle(grid, voxel);
+// Nearest of a piece's entries to a place; -1 without entries.
+int32_t nearestEntry(const InfluenceGrid& grid, std::size_t piece, const Vec3f& middle,
+                     const std::vector<Vec3f>& positions) {
   int32_t nearest = -1;
   float best = std::numeric_limits<float>::infinity();
-  for (uint32_t e = grid.voxel_begin[asSize(voxel)]; e < grid.voxel_begin[asSize(voxel) + 1]; ++e) {
+  for (uint32_t e = grid.voxel_begin[piece]; e < grid.voxel_begin[piece + 1]; ++e) {
     const uint32_t probe = grid.entries[e].probe;
     const float d = squaredDistance(positions[probe], middle);
     if (d < best) best = d, nearest = static_cast<int32_t>(probe);
   }
   return nearest;
-}
-
-int voxelCount(const InfluenceGrid& grid) {
-  const Vec3i voxels = grid.voxels();
-  return voxels.x * voxels.y * voxels.z;
 }
 
 uint64_t hashShare(uint32_t probe, uint8_t weight) {
@@ -157,24 +169,46 @@ uint64_t hashShare(uint32_t probe, uint8_t weight) {
   return h ^ (h >> 31);
 }
 
-// Every voxel must say the same of a corner that it shares, or the weights would jump between them;
-// compared by sums of hashes.
+// Every piece must have a probe at each corner. Without walls every voxel must say the same of a
+// corner that it shares, or the weights would jump between them; compared by sums of hashes.
 void checkCornersAgree(const InfluenceGrid& grid, const std::string& what) {
   std::vector<uint64_t> sums(asSize(grid.corners.pointCount()), 0);
-  for (int voxel = 0; voxel < voxelCount(grid); ++voxel)
+  for (std::size_t piece = 0; piece < pieceCount(grid); ++piece)
     for (int k = 0; k < 8; ++k) {
       uint64_t sum = 0;
-      for (uint32_t e = grid.voxel_begin[asSize(voxel)]; e < grid.voxel_begin[asSize(voxel) + 1];
-           ++e)
+      for (uint32_t e = grid.voxel_begin[piece]; e < grid.voxel_begin[piece + 1]; ++e)
         if (const uint8_t w = grid.entries[e].weights[asSize(k)]; w > 0)
           sum += hashShare(grid.entries[e].probe, w);
-      if (sum == 0) throwInput("{}: voxel {}: no probe has a weight at corner {}", what, voxel, k);
-      uint64_t& first = sums[asSize(voxelCorner(grid, voxel, k))];
+      if (sum == 0) throwInput("{}: voxel {}: no probe has a weight at corner {}", what, piece, k);
+      if (grid.pieces.any()) continue;
+      uint64_t& first = sums[voxelCorner(grid.corners, piece, k)];
       if (first == 0) first = sum;
       if (first != sum)
         throwInput("{}: voxel {}: the weights at corner {} are not those of the voxels beside it",
-                   what, voxel, k);
+                   what, piece, k);
     }
+}
+
+void checkPieces(const InfluenceGrid& grid, std::size_t voxels, const std::string& what) {
+  const VoxelPieces& pieces = grid.pieces;
+  if (!pieces.any() && pieces.planes.empty()) return;
+  if (pieces.plane_of_voxel.size() != voxels)
+    throwInput("{}: {} planes of voxels for {} voxels", what, pieces.plane_of_voxel.size(), voxels);
+  std::vector<uint8_t> used(pieces.planes.size(), 0);
+  for (std::size_t v = 0; v < voxels; ++v) {
+    const int32_t plane = pieces.plane_of_voxel[v];
+    if (plane < 0) continue;
+    if (asSize(plane) >= used.size() || used[asSize(plane)]++ != 0)
+      throwInput("{}: voxel {}: plane {} of {}; a plane divides one voxel", what, v, plane,
+                 used.size());
+  }
+  for (std::size_t i = 0; i < used.size(); ++i) {
+    const Vec4f& f = pieces.planes[i];
+    const float norm = length(Vec3f(f.x, f.y, f.z));
+    if (used[i] == 0 || !(std::abs(norm - 1) < 1e-3f) || !std::isfinite(f.w))
+      throwInput("{}: plane {} must divide a voxel, with a unit normal and a finite offset", what,
+                 i);
+  }
 }
 
 }  // namespace
@@ -203,10 +237,44 @@ Lattice makeLattice(const Box3f& box, const Vec3i& count) {
   return lattice;
 }
 
+std::size_t voxelCorner(const Lattice& corners, std::size_t voxel, int k) {
+  const Vec3i at = gridPlace(corners.count - Vec3i(1, 1, 1), static_cast<int>(voxel));
+  return asSize(
+      gridIndex(corners.count, at.x + (k & 1), at.y + ((k >> 1) & 1), at.z + (k >> 2)));
+}
+
+VoxelPlace voxelAt(const Lattice& corners, const VoxelPieces& pieces, const Vec3f& p) {
+  Vec3i low;
+  Vec3f fraction;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int cells = corners.count[axis] - 1;
+    const float at = std::clamp((p[axis] - corners.first[axis]) / corners.spacing[axis], 0.0f,
+                                static_cast<float>(cells));
+    low[axis] = std::min(static_cast<int>(at), cells - 1);
+    fraction[axis] = at - static_cast<float>(low[axis]);
+  }
+  VoxelPlace place;
+  place.voxel = asSize(gridIndex(corners.count - Vec3i(1, 1, 1), low.x, low.y, low.z));
+  for (int k = 0; k < 8; ++k) {
+    float share = 1;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      share *= (k >> axis & 1) != 0 ? fraction[axis] : 1 - fraction[axis];
+    place.share[asSize(k)] = share;
+  }
+  place.piece = place.voxel;
+  const int32_t plane = pieces.any() ? pieces.plane_of_voxel[place.voxel] : -1;
+  if (plane < 0) return place;
+  const Vec4f& f = pieces.planes[asSize(plane)];
+  if (dot(Vec3f(f.x, f.y, f.z), p - corners.first) + f.w < 0)
+    place.piece = pieces.plane_of_voxel.size() + asSize(plane);
+  return place;
+}
+
 InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
-                            const std::vector<Vec3f>& positions) {
+                            const std::vector<Vec3f>& positions, VoxelPieces pieces) {
   for (std::size_t axis = 0; axis < 3; ++axis) PROBELAB_CHECK(corners.count[axis] >= 2);
-  PROBELAB_CHECK_EQ(weights.size(), asSize(corners.pointCount()));
+  PROBELAB_CHECK(pieces.any() ? weights.size() >= asSize(corners.pointCount())
+                              : weights.size() == asSize(corners.pointCount()));
   std::vector<CornerShares> shares(weights.size());
   parallelFor(weights.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
@@ -220,13 +288,17 @@ InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
 
   InfluenceGrid grid;
   grid.corners = corners;
+  grid.pieces.plane_of_voxel = pieces.plane_of_voxel;
+  grid.pieces.planes = pieces.planes;
   grid.voxel_begin.push_back(0);
-  for (int voxel = 0; voxel < voxelCount(grid); ++voxel) {
-    const std::vector<InfluenceEntry> entries = voxelEntries(grid, voxel, shares);
+  const std::vector<std::size_t> voxel_of = voxelOfPiece(grid);
+  for (std::size_t piece = 0; piece < voxel_of.size(); ++piece) {
+    const std::vector<InfluenceEntry> entries = pieceEntries(grid, pieces, piece, shares);
     grid.entries.insert(grid.entries.end(), entries.begin(), entries.end());
     PROBELAB_CHECK(grid.entries.size() < std::numeric_limits<uint32_t>::max());
     grid.voxel_begin.push_back(static_cast<uint32_t>(grid.entries.size()));
-    grid.nearest.push_back(nearestEntry(grid, voxel, positions));
+    grid.nearest.push_back(
+        nearestEntry(grid, piece, voxelMiddle(grid, voxel_of[piece]), positions));
   }
   return grid;
 }
@@ -236,24 +308,26 @@ InfluenceGrid activeInfluence(const InfluenceGrid& grid, const std::vector<Vec3f
   PROBELAB_CHECK_EQ(active.size(), positions.size());
   InfluenceGrid result;
   result.corners = grid.corners;
+  result.pieces = grid.pieces;
   result.voxel_begin.push_back(0);
-  for (int voxel = 0; voxel < voxelCount(grid); ++voxel) {
-    for (uint32_t e = grid.voxel_begin[asSize(voxel)]; e < grid.voxel_begin[asSize(voxel) + 1]; ++e)
+  const std::vector<std::size_t> voxel_of = voxelOfPiece(grid);
+  for (std::size_t piece = 0; piece < voxel_of.size(); ++piece) {
+    for (uint32_t e = grid.voxel_begin[piece]; e < grid.voxel_begin[piece + 1]; ++e)
       if (active[grid.entries[e].probe] != 0) result.entries.push_back(grid.entries[e]);
     result.voxel_begin.push_back(static_cast<uint32_t>(result.entries.size()));
   }
   std::vector<uint32_t> all;
   for (std::size_t p = 0; p < active.size(); ++p)
     if (active[p] != 0) all.push_back(static_cast<uint32_t>(p));
-  result.nearest.resize(asSize(voxelCount(grid)), -1);
+  result.nearest.resize(voxel_of.size(), -1);
   parallelFor(result.nearest.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t v = begin; v < end; ++v) {
-      const int voxel = static_cast<int>(v);
-      int32_t nearest = nearestEntry(result, voxel, positions);
+      const Vec3f middle = voxelMiddle(grid, voxel_of[v]);
+      int32_t nearest = nearestEntry(result, v, middle, positions);
       float best = std::numeric_limits<float>::infinity();
       if (nearest < 0)
         for (const uint32_t probe : all) {
-          const float d = squaredDistance(positions[probe], voxelMiddle(grid, voxel));
+          const float d = squaredDistance(positions[probe], middle);
           if (d < best) best = d, nearest = static_cast<int32_t>(probe);
         }
       result.nearest[v] = nearest;
@@ -276,6 +350,8 @@ void validateInfluence(const InfluenceGrid& grid, std::size_t probes, const std:
     if (voxels >= uint64_t{1} << 28)
       throwInput("{}: more than 2^28 voxels; use a coarser grid of corners", what);
   }
+  checkPieces(grid, voxels, what);
+  voxels += grid.pieces.planes.size();
   if (grid.voxel_begin.size() != voxels + 1 || grid.nearest.size() != voxels)
     throwInput("{}: the index has {} and {} entries for {} voxels", what, grid.voxel_begin.size(),
                grid.nearest.size(), voxels);
@@ -297,7 +373,10 @@ void validateInfluence(const InfluenceGrid& grid, std::size_t probes, const std:
 }
 
 uint64_t influenceBytes(const InfluenceGrid& grid) {
-  return grid.voxel_begin.size() * sizeof(uint32_t) + grid.entries.size() * sizeof(InfluenceEntry);
+  return grid.voxel_begin.size() * sizeof(uint32_t) +
+         grid.entries.size() * sizeof(InfluenceEntry) +
+         grid.pieces.plane_of_voxel.size() * sizeof(int32_t) +
+         grid.pieces.planes.size() * sizeof(Vec4f);
 }
 
 }  // namespace probelab

@@ -63,29 +63,34 @@ std::vector<float> meanNeighbourDistances(const std::vector<Vec3f>& positions) {
 // Distance from each probe to the farthest corner of the voxels where it counts: there its
 // trilinear weight reaches 0. Only voxels with a corner that `given` marks, where queries can come
 // from.
-std::vector<float> supportRadii(const InfluenceGrid& grid, const std::vector<Vec3f>& positions,
+std::vector<float> supportRadii(const InfluenceGrid& grid, const VoxelPieces& pieces,
+                                const std::vector<Vec3f>& positions,
                                 const std::vector<uint8_t>& given) {
   std::vector<float> radii(positions.size(), 0);
-  const Vec3i count = grid.corners.count;
-  std::size_t voxel = 0;
-  for (int z = 0; z + 1 < count.z; ++z)
-    for (int y = 0; y + 1 < count.y; ++y)
-      for (int x = 0; x + 1 < count.x; ++x, ++voxel) {
-        bool reached = false;
-        Box3f box;
-        for (int k = 0; k < 8; ++k) {
-          const int corner =
-              ((z + (k >> 2)) * count.y + y + ((k >> 1) & 1)) * count.x + x + (k & 1);
-          box.extend(grid.corners.position(corner));
-          reached = reached || given[static_cast<std::size_t>(corner)] != 0;
-        }
-        if (!reached) continue;
-        for (uint32_t e = grid.voxel_begin[voxel]; e < grid.voxel_begin[voxel + 1]; ++e) {
-          const Vec3f& p = positions[grid.entries[e].probe];
-          const float reach = length(componentMax(p - box.min, box.max - p));
-          radii[grid.entries[e].probe] = std::max(radii[grid.entries[e].probe], reach);
-        }
-      }
+  const Vec3i voxels = grid.voxels();
+  const auto reach = [&](std::size_t voxel, std::size_t piece) {
+    bool reached = false;
+    Box3f box;
+    for (int k = 0; k < 8; ++k) {
+      const std::size_t corner = voxelCorner(grid.corners, voxel, k);
+      box.extend(grid.corners.position(static_cast<int>(corner)));
+      reached = reached || given[pieces.lists.empty()
+                                     ? corner
+                                     : pieces.lists[piece][static_cast<std::size_t>(k)]] != 0;
+    }
+    if (!reached) return;
+    for (uint32_t e = grid.voxel_begin[piece]; e < grid.voxel_begin[piece + 1]; ++e) {
+      const Vec3f& p = positions[grid.entries[e].probe];
+      float& radius = radii[grid.entries[e].probe];
+      radius = std::max(radius, length(componentMax(p - box.min, box.max - p)));
+    }
+  };
+  const auto count = static_cast<std::size_t>(voxels.x * voxels.y * voxels.z);
+  for (std::size_t v = 0; v < count; ++v) {
+    reach(v, v);
+    if (pieces.any() && pieces.plane_of_voxel[v] >= 0)
+      reach(v, count + static_cast<std::size_t>(pieces.plane_of_voxel[v]));
+  }
   return radii;
 }
 
@@ -168,7 +173,8 @@ ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
 }
 
 ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> positions,
-                            const Box3f& bounds, const Lattice& corners, CornerWeights weights) {
+                            const Box3f& bounds, const Lattice& corners, CornerWeights weights,
+                            const VoxelPieces& pieces) {
   PROBELAB_CHECK(interpolant != Interpolant::lattice);
   if (positions.empty())
     throwInput("the layout stores no probe: ask for more probes or check the volume");
@@ -181,9 +187,9 @@ ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> position
   ProbeLayout layout;
   layout.interpolant = interpolant;
   layout.bounds = bounds;
-  layout.influence = makeInfluence(corners, std::move(weights), positions);
+  layout.influence = makeInfluence(corners, std::move(weights), positions, pieces);
   layout.positions = std::move(positions);
-  const std::vector<float> support = supportRadii(layout.influence, layout.positions, given);
+  const std::vector<float> support = supportRadii(layout.influence, pieces, layout.positions, given);
   std::vector<float> bias = meanNeighbourDistances(layout.positions);
   if (bias.size() == 1) bias[0] = maxComponent(bounds.extent());
   double bias_sum = 0;

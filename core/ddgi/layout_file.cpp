@@ -76,6 +76,12 @@ Json influenceJson(const InfluenceGrid& grid, const Scene& scene) {
   json["nearest"] = grid.nearest;
   json["entry_probes"] = probes;
   json["entry_weights"] = weightText(grid.entries);
+  if (!grid.pieces.any()) return json;
+  Json planes = Json::array();
+  for (const Vec4f& f : grid.pieces.planes)
+    for (const float x : {f.x, f.y, f.z, f.w}) planes.push_back(static_cast<double>(x));
+  json["plane_of_voxel"] = grid.pieces.plane_of_voxel;
+  json["planes"] = planes;
   return json;
 }
 
@@ -228,7 +234,8 @@ int hexDigit(char c) {
 InfluenceGrid readInfluence(const Json& json, const std::string& where, const Scene& scene) {
   const Reader reader(
       json, where,
-      {"first", "spacing", "count", "voxel_begin", "nearest", "entry_probes", "entry_weights"});
+      {"first", "spacing", "count", "voxel_begin", "nearest", "entry_probes", "entry_weights",
+       "plane_of_voxel", "planes"});
   InfluenceGrid grid;
   grid.corners = readLattice(reader, scene);
   constexpr uint64_t kMost = std::numeric_limits<uint32_t>::max();
@@ -250,6 +257,15 @@ InfluenceGrid readInfluence(const Json& json, const std::string& where, const Sc
     }
     grid.entries.push_back(entry);
   }
+  if (!reader.has("planes") && !reader.has("plane_of_voxel")) return grid;
+  grid.pieces.plane_of_voxel = reader.wholeNumbers<int32_t>("plane_of_voxel", -1, kMost / 2);
+  const std::size_t numbers = reader.list("planes").size();
+  const std::vector<double> planes = reader.numbers("planes", numbers, numbers);
+  if (numbers % 4 != 0) throwInput("{} must be 4 numbers a plane", reader.path("planes"));
+  for (std::size_t i = 0; i < numbers; i += 4)
+    grid.pieces.planes.emplace_back(
+        static_cast<float>(planes[i]), static_cast<float>(planes[i + 1]),
+        static_cast<float>(planes[i + 2]), static_cast<float>(planes[i + 3]));
   return grid;
 }
 

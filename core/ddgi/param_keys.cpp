@@ -111,6 +111,8 @@ std::span<const ParamKey> paramKeys() {
        "where small weights are pressed towards 0"},
       {"crush_threshold", "", RealKey{&Params::crush_threshold, 1e-6, 10},
        "weights below it become w^3 / threshold^2"},
+      {"parallax", "", RealKey{&Params::parallax, 0, 2},
+       "how far probes read towards what the point faces, not along its normal; 0: as published"},
       {"average", "", ChoiceKey{&Params::average, {"linear", "sqrt", "sqrt_of_weighted"}},
        "the space in which probes are averaged"},
       {"fallback", "", ChoiceKey{&Params::fallback, {"none", "lerp_unoccluded", "nearest"}},

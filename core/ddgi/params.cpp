@@ -196,6 +196,8 @@ void validateParams(const Params& params) {
                sides.border ? ", border included" : "");
   if (params.visibility == 0 && params.fallback == PL_FALLBACK_LERP_UNOCCLUDED)
     throwInput("{}: fallback = \"lerp_unoccluded\" needs visibility = true", params.name);
+  if (params.visibility == 0 && params.parallax > 0)
+    throwInput("{}: parallax above 0 needs visibility = true (it reads distances)", params.name);
   if (params.irradiance_fit != 0 && params.encoding_gamma != 1.0)
     throwInput("{}: irradiance_fit = true needs encoding_gamma = 1 (it fits linear values)",
                params.name);
@@ -214,7 +216,9 @@ QueryModes queryModes(const Params& params) {
           params.average,
           params.fallback,
           0,
-          params.offset_weights};
+          params.offset_weights,
+          0,
+          params.parallax > 0 ? 1 : 0};
 }
 
 QueryParams<double> queryParams(const Params& params) {
@@ -230,6 +234,7 @@ QueryParams<double> queryParams(const Params& params) {
   const bool fine = params.moment_format == PL_FORMAT_RG32F || params.moment_encoding != 0;
   query.variance_floor = fine ? 0x1p-24 : 0x1p-11;
   query.crush_threshold = params.crush_threshold;
+  query.parallax = params.parallax;
   query.decode_exponent = params.encoding_gamma * (params.average == PL_AVERAGE_LINEAR ? 1.0 : 0.5);
   return query;
 }

@@ -162,6 +162,11 @@ void ProbeField::createIndex(GpuContext& context) {
   if (influence.entries.empty()) influence.entries.emplace_back();  // a buffer holds something
   voxel_begin_ = deviceArray(influence.voxel_begin, "voxel begins");
   entries_ = deviceArray(influence.entries, "voxel entries");
+  walls_ = !influence.pieces.planes.empty();
+  if (walls_) {
+    plane_of_voxel_ = deviceArray(influence.pieces.plane_of_voxel, "planes of voxels");
+    planes_ = deviceArray(influence.pieces.planes, "planes");
+  }
   if (params_.fallback == PL_FALLBACK_NEAREST)
     nearest_probe_ = deviceArray(influence.nearest, "nearest probes");
   std::vector<Vec4f> places;
@@ -203,7 +208,8 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
 FieldAccess ProbeField::access() const {
   FieldAccess access;
   const bool full = states_.activeCount() == layout_.probe_of_point.size();
-  access.layout = {.moved = moved_, .full = full, .interpolant = queryInterpolant(layout_)};
+  access.layout = {
+      .moved = moved_, .full = full, .walls = walls_, .interpolant = queryInterpolant(layout_)};
   access.inputs = {{"FIELD", &field_constants_, true}, {"COUNTERS", &counter_buffer_}};
   const auto copy = static_cast<std::size_t>(current_);
   access.addresses = {.irradiance = irradiance_.copies[copy].address(),
@@ -213,7 +219,9 @@ FieldAccess ProbeField::access() const {
                       .positions = probe_positions_.address(),
                       .voxel_begin = voxel_begin_ ? voxel_begin_.address() : 0,
                       .entries = entries_ ? entries_.address() : 0,
-                      .places = places_ ? places_.address() : 0};
+                      .places = places_ ? places_.address() : 0,
+                      .plane_of_voxel = walls_ ? plane_of_voxel_.address() : 0,
+                      .planes = walls_ ? planes_.address() : 0};
   return access;
 }
 
@@ -422,6 +430,7 @@ uint64_t ProbeField::stateBytes() const {
   const bool full = states_.activeCount() == layout_.probe_of_point.size();
   return (full ? 0 : bytes(probe_index_)) + (moved_ ? bytes(probe_positions_) : 0) +
          bytes(nearest_probe_) + bytes(probe_list_) + bytes(voxel_begin_) + bytes(entries_) +
+         bytes(plane_of_voxel_) + bytes(planes_) +
          bytes(places_) + bytes(probe_clamps_);
 }
 

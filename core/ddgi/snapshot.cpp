@@ -15,6 +15,7 @@ FieldSnapshot layoutSnapshot(const ProbeLayout& layout, const ProbeStates& state
   if (snapshot.interpolant == PL_INTERPOLANT_SCATTERED) {
     snapshot.influence = activeInfluence(layout.influence, states.positions, states.active);
     if (nearest) snapshot.nearest_probe = snapshot.influence.nearest;
+    snapshot.modes.walls = snapshot.influence.pieces.planes.empty() ? 0 : 1;
     for (const ProbeLengths& lengths : layout.lengths)
       snapshot.bias_lengths.push_back(lengths.bias);
     return snapshot;

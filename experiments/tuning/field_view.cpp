@@ -8,6 +8,7 @@ namespace probelab {
 QueryModes viewModes(const FieldSnapshot& field, const Params& params) {
   QueryModes modes = queryModes(params);
   modes.moved = field.modes.moved;
+  modes.walls = field.modes.walls;
   if (modes.fallback == PL_FALLBACK_NEAREST && field.nearest_probe.empty())
     throwInput(
         "{}: the field was run without fallback = \"nearest\", so it has no index of nearest "

@@ -14,12 +14,15 @@ struct FieldView {
   int fetchNearest(int index) const { return field.fetchNearest(index); }
   uint32_t fetchVoxelBegin(int voxel) const { return field.fetchVoxelBegin(voxel); }
   VoxelEntry fetchEntry(uint32_t index) const { return field.fetchEntry(index); }
+  int fetchPlaneOfVoxel(int voxel) const { return field.fetchPlaneOfVoxel(voxel); }
+  const Vec4f& fetchPlane(int plane) const { return field.fetchPlane(plane); }
   Vec4f fetchPlace(int probe) const { return field.fetchPlace(probe); }
   const Vec3f& fetchPosition(int probe) const { return field.fetchPosition(probe); }
   const Vec3f& fetchIrradiance(int probe, int texel) const {
     return field.fetchIrradiance(probe, texel);
   }
   const Vec2f& fetchMoments(int probe, int texel) const { return field.fetchMoments(probe, texel); }
+  float fetchAhead(int probe, int texel) const { return field.fetchAhead(probe, texel); }
 };
 
 // querySnapshot through a view.

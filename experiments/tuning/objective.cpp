@@ -12,7 +12,7 @@
 namespace probelab {
 namespace {
 
-constexpr std::size_t kMaxKeys = 8;  // every key of the query
+constexpr std::size_t kMaxKeys = 9;  // every key of the query
 constexpr std::size_t kGrain = 64;
 constexpr double kLeakKnee = 1e-3;  // of the mean, where a leak's cost turns from square to linear
 template <int N>
@@ -27,8 +27,9 @@ T& queryMember(QueryParams<T>& params, double Params::*key) {
   if (key == &Params::chebyshev_power) return params.chebyshev_power;
   if (key == &Params::visibility_floor) return params.visibility_floor;
   if (key == &Params::variance_bias) return params.variance_bias;
-  PROBELAB_CHECK(key == &Params::crush_threshold);
-  return params.crush_threshold;
+  if (key == &Params::crush_threshold) return params.crush_threshold;
+  PROBELAB_CHECK(key == &Params::parallax);
+  return params.parallax;
 }
 
 // `params` for the state's field: what belongs to the atlases is the field's own.

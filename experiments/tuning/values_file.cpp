@@ -114,6 +114,8 @@ std::string probesHash(const ProbeLayout& layout, const ProbeStates& states, con
   addBytes(bytes, states.positions);
   addBytes(bytes, states.active);
   addLattice(bytes, layout.influence.corners);
+  addBytes(bytes, layout.influence.pieces.plane_of_voxel);
+  addBytes(bytes, layout.influence.pieces.planes);
   addBytes(bytes, layout.influence.voxel_begin);
   addBytes(bytes, layout.influence.entries);
   return contentHash(bytes);

@@ -26,6 +26,9 @@ struct MomentField {
     const Vec2f& m = probe.moments[static_cast<std::size_t>(texel)];
     return {m.x * unit, m.y * unit * unit};
   }
+  float fetchAhead(int /*probe*/, int texel) const {
+    return probe.moments[static_cast<std::size_t>(texel)].x;
+  }
 };
 
 bool isSqrtAverage(const QueryModes& modes) { return modes.average != PL_AVERAGE_LINEAR; }
@@ -110,9 +113,9 @@ float queryGain(const QueryParams<float>& query, const QueryModes& modes, int mo
   return probeWeight(query, modes, 1.0f, cosine, visibility);
 }
 
-void queryValues(const QueryModes& modes, int texels, std::size_t states, const Vec3f& normal,
+void queryValues(const QueryModes& modes, int texels, std::size_t states, const Vec3f& direction,
                  const BakedProbe& probe, float* values) {
-  const OctTaps<float> t = octTaps(normal, texels, 0);
+  const OctTaps<float> t = octTaps(direction, texels, 0);
   const float x = t.fraction_x, y = t.fraction_y;
   const float* a = &probe.mean_radiance[static_cast<std::size_t>(t.texel_00) * states];
   const float* b = &probe.mean_radiance[static_cast<std::size_t>(t.texel_10) * states];
@@ -122,6 +125,16 @@ void queryValues(const QueryModes& modes, int texels, std::size_t states, const 
     values[l] = (a[l] * (1 - x) + b[l] * x) * (1 - y) + (c[l] * (1 - x) + d[l] * x) * y;
   if (isSqrtAverage(modes))
     for (std::size_t l = 0; l < states; ++l) values[l] = std::sqrt(values[l]);
+}
+
+Vec3f readDirection(const QueryParams<float>& query, const QueryModes& modes, int moment_texels,
+                    const Receiver& r, const BakedProbe& probe) {
+  if (modes.parallax == 0) return r.normal;
+  LatticeShape metres{};
+  metres.support_radius = 1;
+  const float ahead = readAhead<MomentField, float>({probe, 1}, metres, 0,
+                                                    octTaps(r.normal, moment_texels, 0));
+  return parallaxDirection(query, r.normal, r.position - probe.position, ahead);
 }
 
 SubsetModel::Pair SubsetModel::pairOf(std::size_t receiver, const BakedProbe& probe,
@@ -136,8 +149,9 @@ SubsetModel::Pair SubsetModel::pairOf(std::size_t receiver, const BakedProbe& pr
   if (!pair.visible) return pair;
   pair.gain = queryGain(query_, modes_, plan_.moment_texels, judged_.points[receiver], probe,
                         settings_.bias_length_m);
-  queryValues(modes_, plan_.irradiance_texels, states_, judged_.points[receiver].normal, probe,
-              values);
+  queryValues(modes_, plan_.irradiance_texels, states_,
+              readDirection(query_, modes_, plan_.moment_texels, judged_.points[receiver], probe),
+              probe, values);
   return pair;
 }
 

@@ -38,38 +38,6 @@ struct Problem {
   bool squared = false;
 };
 
-struct CornerPlace {
-  std::array<std::size_t, 8> corner;
-  std::array<float, 8> share;
-};
-
-CornerPlace cornersAround(const Lattice& corners, const Vec3f& p) {
-  std::array<int, 3> low;
-  std::array<float, 3> fraction;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const int cells = corners.count[axis] - 1;
-    const float at = std::clamp((p[axis] - corners.first[axis]) / corners.spacing[axis], 0.0f,
-                                static_cast<float>(cells));
-    low[axis] = std::min(static_cast<int>(at), cells - 1);
-    fraction[axis] = at - static_cast<float>(low[axis]);
-  }
-  CornerPlace place;
-  for (std::size_t i = 0; i < 8; ++i) {
-    std::size_t index = 0;
-    float share = 1;
-    for (int axis = 2; axis >= 0; --axis) {
-      const auto a = static_cast<std::size_t>(axis);
-      const int up = (i >> a) & 1;
-      index = index * static_cast<std::size_t>(corners.count[a]) +
-              static_cast<std::size_t>(low[a] + up);
-      share *= up ? fraction[a] : 1 - fraction[a];
-    }
-    place.corner[i] = index;
-    place.share[i] = share;
-  }
-  return place;
-}
-
 // The objective's weights of every point and state.
 std::vector<float> costWeights(const Training::Data& data, const JudgedPoints& judged,
                                const Objective& objective) {
@@ -85,7 +53,8 @@ std::vector<float> costWeights(const Training::Data& data, const JudgedPoints& j
 
 Problem makeProblem(const Training::Data& data, const JudgedPoints& judged,
                     const ProbeLayout& layout, const CornerWeights& corner_weights,
-                    const std::vector<uint32_t>& first_unknown, const Params& params) {
+                    const VoxelPieces& pieces, const std::vector<uint32_t>& first_unknown,
+                    const Params& params) {
   Problem problem;
   problem.states = data.stateCount();
   problem.truth = &judged.truth;
@@ -97,14 +66,17 @@ Problem makeProblem(const Training::Data& data, const JudgedPoints& judged,
   for (const Receiver& r : judged.points) {
     const Vec3f biased = r.position + (r.normal * query.normal_bias - r.view * query.view_bias) *
                                           layout.bias_length_m;
-    const CornerPlace place = cornersAround(layout.influence.corners, biased);
+    const Lattice& corners = layout.influence.corners;
+    const VoxelPlace place = voxelAt(corners, pieces, biased);
     std::vector<std::pair<uint32_t, Term>> found;  // probe and term
     for (std::size_t i = 0; i < 8; ++i) {
-      const std::vector<CornerWeight>& list = corner_weights[place.corner[i]];
+      const std::size_t at = pieces.lists.empty()
+                                 ? voxelCorner(corners, place.voxel, static_cast<int>(i))
+                                 : pieces.lists[place.piece][i];
+      const std::vector<CornerWeight>& list = corner_weights[at];
       for (std::size_t e = 0; e < list.size() && place.share[i] > 0; ++e)
         found.push_back(
-            {list[e].probe,
-             {first_unknown[place.corner[i]] + static_cast<uint32_t>(e), place.share[i]}});
+            {list[e].probe, {first_unknown[at] + static_cast<uint32_t>(e), place.share[i]}});
     }
     std::stable_sort(found.begin(), found.end(),
                      [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -117,7 +89,8 @@ Problem makeProblem(const Training::Data& data, const JudgedPoints& judged,
       link.gain =
           queryGain(query, modes, plan.moment_texels, r, baked[p], probeLengths(layout, p).bias);
       problem.values.resize(problem.values.size() + problem.states);
-      queryValues(modes, plan.irradiance_texels, problem.states, r.normal, baked[p],
+      queryValues(modes, plan.irradiance_texels, problem.states,
+                  readDirection(query, modes, plan.moment_texels, r, baked[p]), baked[p],
                   &problem.values[link.values]);
       problem.links.push_back(link);
     }
@@ -217,7 +190,8 @@ CornerWeights cornerWeights(const InfluenceGrid& grid) {
 }
 
 CornerWeights fitWeights(const Training::Data& data, const JudgedPoints& judged,
-                         const ProbeLayout& layout, CornerWeights weights, const Params& params,
+                         const ProbeLayout& layout, CornerWeights weights,
+                         const VoxelPieces& pieces, const Params& params,
                          const Objective& objective, const FitSettings& settings) {
   std::vector<uint32_t> first_unknown;
   std::vector<double> start;
@@ -228,7 +202,7 @@ CornerWeights fitWeights(const Training::Data& data, const JudgedPoints& judged,
     for (const CornerWeight& w : list)
       start.push_back(sum > 0 ? std::max(static_cast<double>(w.weight) / sum, 1e-4) : 1.0);
   }
-  Problem problem = makeProblem(data, judged, layout, weights, first_unknown, params);
+  Problem problem = makeProblem(data, judged, layout, weights, pieces, first_unknown, params);
   problem.weights = costWeights(data, judged, objective);
   const std::size_t n = start.size();
   std::vector<double> unknowns = start, logs(n, 0.0), gradient, first(n, 0.0), second(n, 0.0);

@@ -30,8 +30,31 @@ double largestAnswer(const FieldSnapshot& snapshot, double gamma) {
 struct QueryCase {
   std::string name, preset;
   int fallback = -1, classification = PL_CLASSIFY_NONE;
+  double parallax = 0;
+  bool walls = false;
 };
 class ScatteredQueries : public GpuTest, public ::testing::WithParamInterface<QueryCase> {};
+
+// The layout with a plane through every third voxel, whose back reads the corners of the next one.
+ProbeLayout dividedLayout(const Scene& scene) {
+  ProbeLayout layout = roomLayout(scene);
+  InfluenceGrid& grid = layout.influence;
+  const std::size_t voxels = grid.nearest.size();
+  Rng rng(8, RngStream::test);
+  grid.pieces.plane_of_voxel.assign(voxels, -1);
+  for (std::size_t v = 0; v + 1 < voxels; v += 3) {
+    grid.pieces.plane_of_voxel[v] = static_cast<int32_t>(grid.pieces.planes.size());
+    const Vec3f n = test::randomUnit(rng);
+    const Vec3f corner = grid.corners.position(static_cast<int>(voxelCorner(grid.corners, v, 0)));
+    const Vec3f middle = corner + grid.corners.spacing * 0.5f - grid.corners.first;
+    grid.pieces.planes.emplace_back(n.x, n.y, n.z, -dot(n, middle));
+    for (uint32_t e = grid.voxel_begin[v + 1]; e < grid.voxel_begin[v + 2]; ++e)
+      grid.entries.push_back(InfluenceEntry(grid.entries[e]));
+    grid.voxel_begin.push_back(static_cast<uint32_t>(grid.entries.size()));
+    grid.nearest.push_back(grid.nearest[v + 1]);
+  }
+  return layout;
+}
 
 TEST_P(ScatteredQueries, DeviceEqualsHost) {
   const FieldScene scene(test::randomRoom(40));
@@ -39,7 +62,9 @@ TEST_P(ScatteredQueries, DeviceEqualsHost) {
   params.rays = 64;
   params.classification = GetParam().classification;
   if (GetParam().fallback >= 0) params.fallback = GetParam().fallback;
-  const auto field = scene.field(gpu(), roomLayout(scene.scene), params);
+  params.parallax = GetParam().parallax;
+  const auto field = scene.field(
+      gpu(), GetParam().walls ? dividedLayout(scene.scene) : roomLayout(scene.scene), params);
   EXPECT_EQ(field->states().activeCount() < 40, params.classification != PL_CLASSIFY_NONE);
   for (uint64_t u = 0; u < 2; ++u) field->update(u, {}, {});
   const FieldSnapshot snapshot = takeSnapshot(*field);
@@ -63,6 +88,9 @@ const QueryCase kQueries[] = {
     {"asleep_none", "rtxgi", PL_FALLBACK_NONE, PL_CLASSIFY_INSIDE},
     {"asleep_lerp", "rtxgi", PL_FALLBACK_LERP_UNOCCLUDED, PL_CLASSIFY_INSIDE},
     {"asleep_nearest", "probelab", PL_FALLBACK_NEAREST, PL_CLASSIFY_INSIDE},
+    {"parallax", "probelab", -1, PL_CLASSIFY_NONE, 1},
+    {"walls", "probelab", -1, PL_CLASSIFY_NONE, 0, true},
+    {"walls_asleep", "probelab", PL_FALLBACK_NEAREST, PL_CLASSIFY_INSIDE, 1, true},
 };
 INSTANTIATE_TEST_SUITE_P(Presets, ScatteredQueries, ::testing::ValuesIn(kQueries),
                          [](const auto& info) { return info.param.name; });

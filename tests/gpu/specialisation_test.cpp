@@ -22,6 +22,8 @@ Words compileResolve(const std::map<std::string, std::string>& changes) {
                      {"PL_FALLBACK", "2"},
                      {"PL_MOVED", "1"},
                      {"PL_OFFSET_WEIGHTS", "1"},
+                     {"PL_WALLS", "1"},
+                     {"PL_PARALLAX", "1"},
                      {"PL_IRRADIANCE_FORMAT", "1"},
                      {"PL_MOMENT_FORMAT", "1"},
                      {"PL_MOMENT_ENCODING", "1"},
@@ -52,6 +54,7 @@ TEST(Specialisation, SwitchedOffPartsOfTheQueryLeaveNoCode) {
   const std::size_t full = compileResolve({}).size();
   for (const char* part :
        {"PL_FACING", "PL_VISIBILITY", "PL_CRUSH", "PL_FALLBACK", "PL_MOVED", "PL_OFFSET_WEIGHTS",
+        "PL_PARALLAX",
         "PL_MOMENT_ENCODING", "PL_RADIANCE_CLAMP", "PL_STORE_DISTANCES"})
     EXPECT_LT(compileResolve({{part, "0"}}).size(), full) << part;
 }
@@ -66,6 +69,8 @@ TEST(Specialisation, StagesHoldOneInterpolant) {
     EXPECT_EQ(compile("1", part).size(), scattered.size()) << part;
     EXPECT_LT(compile("0", part).size(), compile("0", "").size()) << part;
   }
+  EXPECT_LT(compile("1", "PL_WALLS").size(), scattered.size());
+  EXPECT_EQ(compile("0", "PL_WALLS").size(), compile("0", "").size());
 }
 
 Words compileShade(const SceneFeatures& features) {

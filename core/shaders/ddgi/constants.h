@@ -102,9 +102,12 @@ struct FieldAddresses {
   PL_ADDRESS(IntArray) nearest_probe;  // [lattice point or voxel], with the nearest fallback
   PL_ADDRESS(Vec3Array) positions;     // [probe], where a lattice's probes are moved
   // With scattered probes.
-  PL_ADDRESS(WordArray) voxel_begin;   // [voxel + 1]: first entry
+  PL_ADDRESS(WordArray) voxel_begin;   // [piece of a voxel + 1]: first entry
   PL_ADDRESS(EntryArray) entries;
   PL_ADDRESS(Vec4Array) places;        // [probe]: position, s_i
+  // Where walls divide voxels.
+  PL_ADDRESS(IntArray) plane_of_voxel;
+  PL_ADDRESS(Vec4Array) planes;
 };
 
 // Where the rays of a batch lie: item = probe * stride_probe + ray * stride_ray.
@@ -154,7 +157,7 @@ const float kTinyWeightSum = 1e-6f;
 
 #ifdef __cplusplus
 static_assert(sizeof(GpuMaterial) == 160 && sizeof(RaySurface) == 64 && sizeof(QueryPoint) == 36 &&
-              sizeof(FieldAddresses) == 64 && sizeof(BlendConstants) == 48 && sizeof(VoxelEntry) == 12);
+              sizeof(FieldAddresses) == 80 && sizeof(BlendConstants) == 48 && sizeof(VoxelEntry) == 12);
 #endif
 
 PL_NAMESPACE_END

@@ -20,12 +20,19 @@ LatticeShape specialisedLattice() {
 }
 
 const QueryModes kModes = QueryModes(PL_FACING, PL_TRILINEAR, PL_VISIBILITY, PL_CRUSH, PL_AVERAGE,
-                                     PL_FALLBACK, PL_MOVED, PL_OFFSET_WEIGHTS);
+                                     PL_FALLBACK, PL_MOVED, PL_OFFSET_WEIGHTS, PL_WALLS, PL_PARALLAX);
 
 #if PL_INTERPOLANT == PL_INTERPOLANT_SCATTERED
 uint fetchVoxelBegin(int voxel) { return push.field.voxel_begin.at[voxel]; }
 VoxelEntry fetchEntry(uint index) { return push.field.entries.at[index]; }
 vec4 fetchPlace(int probe) { return push.field.places.at[probe]; }
+#if PL_WALLS
+int fetchPlaneOfVoxel(int voxel) { return push.field.plane_of_voxel.at[voxel]; }
+vec4 fetchPlane(int plane) { return push.field.planes.at[plane]; }
+#else
+int fetchPlaneOfVoxel(int voxel) { return -1; }
+vec4 fetchPlane(int plane) { return vec4(0); }
+#endif
 #else
 #if PL_FULL_LATTICE
 int fetchProbe(int lattice_index) { return lattice_index; }
@@ -45,6 +52,8 @@ vec2 fetchMoments(int probe, int texel) {
   const int side = PL_MOMENT_TEXELS + 2 * PL_BORDER;
   return loadMoments(push.field.moments, uint(probe * side * side + texel));
 }
+
+float fetchAhead(int probe, int texel) { return fetchMoments(probe, texel).x; }
 
 #include "shared/query.h"
 

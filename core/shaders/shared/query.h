@@ -10,11 +10,14 @@
 //     int fetchNearest(int index)                       nearest active probe of a lattice point or
 //                                                       a voxel, -1: none at all
 //     vec3 fetchPosition(int probe)                     where probes are off the lattice's points
-//     uint fetchVoxelBegin(int voxel)                   first entry of a voxel
+//     uint fetchVoxelBegin(int piece)                   first entry of a voxel or of its piece
 //     VoxelEntry fetchEntry(uint index)
+//     int fetchPlaneOfVoxel(int voxel)                  -1: no wall divides it
+//     vec4 fetchPlane(int plane)
 //     vec4 fetchPlace(int probe)                        a scattered probe's position and s_i
 //     vec3 fetchIrradiance(int probe, int texel)        as stored (encoded)
 //     vec2 fetchMoments(int probe, int texel)           mean and mean square, in units of r_i
+//     float fetchAhead(int probe, int texel)            mean alone, for parallax
 // and PL_CHEBYSHEV_HALVES, PL_DECODE_HALVES for powParameter. GLSL has the query of PL_INTERPOLANT
 // alone, C++ both; a Field needs only the members that its query calls.
 //
@@ -34,9 +37,12 @@
 #define PL_FETCH_POSITION(probe) Vec3<T>(field.fetchPosition(probe))
 #define PL_FETCH_VOXEL_BEGIN(voxel) field.fetchVoxelBegin(voxel)
 #define PL_FETCH_ENTRY(index) field.fetchEntry(index)
+#define PL_FETCH_PLANE_OF_VOXEL(voxel) field.fetchPlaneOfVoxel(voxel)
+#define PL_FETCH_PLANE(plane) Vec4<T>(field.fetchPlane(plane))
 #define PL_FETCH_PLACE(probe) Vec4<T>(field.fetchPlace(probe))
 #define PL_FETCH_IRRADIANCE(probe, texel) Vec3<T>(field.fetchIrradiance(probe, texel))
 #define PL_FETCH_MOMENTS(probe, texel) Vec2<T>(field.fetchMoments(probe, texel))
+#define PL_FETCH_AHEAD(probe, texel) T(field.fetchAhead(probe, texel))
 #define PL_CHEBYSHEV_HALVES -1
 #define PL_DECODE_HALVES -1
 #define PL_HAS_LATTICE 1
@@ -50,11 +56,14 @@
 #define PL_FETCH_POSITION(probe) fetchPosition(probe)
 #define PL_FETCH_VOXEL_BEGIN(voxel) fetchVoxelBegin(voxel)
 #define PL_FETCH_ENTRY(index) fetchEntry(index)
+#define PL_FETCH_PLANE_OF_VOXEL(voxel) fetchPlaneOfVoxel(voxel)
+#define PL_FETCH_PLANE(plane) fetchPlane(plane)
 #define PL_FETCH_PLACE(probe) fetchPlace(probe)
 #define PL_HAS_LATTICE (PL_INTERPOLANT == PL_INTERPOLANT_LATTICE)
 #define PL_HAS_SCATTERED (PL_INTERPOLANT == PL_INTERPOLANT_SCATTERED)
 #define PL_FETCH_IRRADIANCE(probe, texel) fetchIrradiance(probe, texel)
 #define PL_FETCH_MOMENTS(probe, texel) fetchMoments(probe, texel)
+#define PL_FETCH_AHEAD(probe, texel) fetchAhead(probe, texel)
 #endif
 
 PL_NAMESPACE_BEGIN
@@ -207,6 +216,7 @@ PL_STRUCT QueryCell {
   int y;
   int z;
   OctTaps PL_OF_T normal_taps;
+  OctTaps PL_OF_T ahead_taps;  // of the moments, for parallax
 };
 
 PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, LatticeShape lattice,
@@ -224,6 +234,7 @@ PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, LatticeS
   cell.y = latticeCell(cell.coordinate.y, lattice.count_y);
   cell.z = latticeCell(cell.coordinate.z, lattice.count_z);
   cell.normal_taps = octTaps(normal, lattice.irradiance_texels, lattice.border);
+  cell.ahead_taps = octTaps(normal, max(lattice.moment_texels, 1), lattice.border);
   return cell;
 }
 
@@ -246,6 +257,36 @@ PL_FUNCTION REAL facingCosine(QueryModes modes, QueryCell PL_OF_T cell, VEC3 bia
   return length_sq > REAL(0) ? dot(to_probe, cell.normal) / sqrt(length_sq) : REAL(1);
 }
 
+// [ours] The direction in which a probe reads its irradiance. What lies straight ahead of a point at
+// the distance `ahead` that the probe sees there is seen by the probe aside of the normal, by the
+// part of its offset across it; `offset` leads from the probe to the point. Any positive length.
+PL_FUNCTION VEC3 parallaxDirection(QueryParams PL_OF_T params, VEC3 normal, VEC3 offset,
+                                   REAL ahead) {
+  VEC3 aside = offset - normal * dot(offset, normal);
+  REAL far_sq = ahead * ahead + dot(aside, aside);
+  REAL scale = far_sq > REAL(0) ? params.parallax / sqrt(far_sq) : REAL(0);
+  return normal + aside * scale;
+}
+
+// Mean distance that a probe has stored in a direction, in metres.
+PL_FIELD_FUNCTION REAL readAhead(PL_FIELD_PARAM LatticeShape lattice, int probe,
+                                 OctTaps PL_OF_T t) {
+  REAL top = PL_FETCH_AHEAD(probe, t.texel_00) * (REAL(1) - t.fraction_x) +
+             PL_FETCH_AHEAD(probe, t.texel_10) * t.fraction_x;
+  REAL bottom = PL_FETCH_AHEAD(probe, t.texel_01) * (REAL(1) - t.fraction_x) +
+                PL_FETCH_AHEAD(probe, t.texel_11) * t.fraction_x;
+  return (top * (REAL(1) - t.fraction_y) + bottom * t.fraction_y) * REAL(lattice.support_radius);
+}
+
+PL_FIELD_FUNCTION OctTaps PL_OF_T parallaxTaps(PL_FIELD_PARAM QueryParams PL_OF_T params,
+                                               LatticeShape lattice, QueryCell PL_OF_T cell,
+                                               int probe, VEC3 probe_position) {
+  REAL ahead = readAhead(PL_FIELD_ARG lattice, probe, cell.ahead_taps);
+  VEC3 direction =
+      parallaxDirection(params, cell.normal, cell.position - probe_position, ahead);
+  return octTaps(direction, lattice.irradiance_texels, lattice.border);
+}
+
 // Adds a probe whose weight in the interpolation is `share`; `biased` is the query's position with
 // the biases in the probe's own s_i.
 PL_FIELD_FUNCTION void queryProbe(PL_FIELD_PARAM PL_INOUT(QuerySums PL_OF_T) sums,
@@ -261,7 +302,10 @@ PL_FIELD_FUNCTION void queryProbe(PL_FIELD_PARAM PL_INOUT(QuerySums PL_OF_T) sum
     visibility = probeVisibility(PL_FIELD_ARG params, lattice, probe, probe_position - biased);
   REAL cosine = REAL(1);
   if (modes.facing != PL_FACING_NONE) cosine = facingCosine(modes, cell, biased, probe_position);
-  VEC3 texel = readIrradiance(PL_FIELD_ARG probe, cell.normal_taps);
+  OctTaps PL_OF_T taps = cell.normal_taps;
+  if (modes.parallax != 0)
+    taps = parallaxTaps(PL_FIELD_ARG params, lattice, cell, probe, probe_position);
+  VEC3 texel = readIrradiance(PL_FIELD_ARG probe, taps);
   addProbe(sums, params, modes, share, cosine, visibility, decodeForAverage(params, texel));
 }
 
@@ -356,6 +400,18 @@ PL_FUNCTION REAL weighBytes(VEC4 corners, uint bytes) {
                            REAL(int((bytes >> 16) & 255u)), REAL(int(bytes >> 24))));
 }
 
+// The voxel of the cell, or its piece on the side of the wall where the biased point is.
+PL_FIELD_FUNCTION int voxelPiece(PL_FIELD_PARAM QueryModes modes, LatticeShape lattice,
+                                 QueryCell PL_OF_T cell) {
+  int voxel = (cell.z * (lattice.count_y - 1) + cell.y) * (lattice.count_x - 1) + cell.x;
+  if (modes.walls == 0) return voxel;
+  int voxels = (lattice.count_x - 1) * (lattice.count_y - 1) * (lattice.count_z - 1);
+  int plane = PL_FETCH_PLANE_OF_VOXEL(voxel);
+  VEC4 wall = PL_FETCH_PLANE(max(plane, 0));
+  REAL side = dot(VEC3(wall.x, wall.y, wall.z), cell.biased - VEC3(lattice.first)) + wall.w;
+  return plane >= 0 && side < REAL(0) ? voxels + plane : voxel;
+}
+
 PL_FIELD_FUNCTION QueryResult PL_OF_T queryScattered(PL_FIELD_PARAM QueryParams PL_OF_T params,
                                                      QueryModes modes, LatticeShape lattice,
                                                      VEC3 position, VEC3 normal, VEC3 view) {
@@ -365,7 +421,7 @@ PL_FIELD_FUNCTION QueryResult PL_OF_T queryScattered(PL_FIELD_PARAM QueryParams 
   VEC3 low = VEC3(REAL(1)) - high;
   VEC4 layer = VEC4(low.x * low.y, high.x * low.y, low.x * high.y, high.x * high.y) *
                REAL(1.0 / 255.0);
-  int voxel = (cell.z * (lattice.count_y - 1) + cell.y) * (lattice.count_x - 1) + cell.x;
+  int voxel = voxelPiece(PL_FIELD_ARG modes, lattice, cell);
   uint end = PL_FETCH_VOXEL_BEGIN(voxel + 1);
   for (uint e = PL_FETCH_VOXEL_BEGIN(voxel); e < end; ++e) {
     VoxelEntry entry = PL_FETCH_ENTRY(e);

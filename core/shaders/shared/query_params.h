@@ -20,6 +20,7 @@ PL_STRUCT QueryParams {
   REAL variance_floor;     // x mean^2, from the moments' format
   REAL crush_threshold;
   REAL decode_exponent;    // stored value -> averaged value
+  REAL parallax;           // share of a probe's offset that its reading makes up for
 };
 
 #define PL_FACING_NONE 0
@@ -64,6 +65,8 @@ struct QueryModes {
   int fallback;
   int moved;  // 1: probes are not on the lattice's points, positions are fetched
   int offset_weights;  // 1: interpolation weights peak at the moved positions
+  int walls;           // 1: voxels may be divided by walls (scattered probes)
+  int parallax;        // 1: irradiance is read towards what the query's point faces
 };
 
 // The lattice and the atlases' sizes. Positions in metres relative to Scene::origin. With scattered

@@ -9,6 +9,7 @@
 #include "ddgi/influence.h"
 #include "placement/free_space.h"
 #include "placement/nearest_probes.h"
+#include "placement/wall_pieces.h"
 
 namespace probelab {
 
@@ -40,6 +41,12 @@ CornerWeights nearestWeights(const Lattice& corners, const std::vector<Vec3f>& p
 std::vector<CornerWeight> nearestFrom(const NearestProbes& probes, const std::vector<Vec3f>& positions,
                                   const FreeSpace& space, const std::vector<Vec3f>& from,
                                   const CornerSettings& settings);
+
+// Weights of every list of `pieces`: those of its corner where nothing but the corner stands for it,
+// else those of nearestFrom its viewpoints.
+CornerWeights pieceWeights(const WallPieces& pieces, const Lattice& corners, CornerWeights weights,
+                           const std::vector<Vec3f>& positions, const FreeSpace& space,
+                           const CornerSettings& settings);
 
 // Barycentric in the Delaunay tetrahedron around the corner; outside the hull, those of the
 // closest point on it. Coplanar probes are triangulated, collinear ones chained; coinciding ones

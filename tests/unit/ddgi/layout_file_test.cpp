@@ -108,6 +108,8 @@ void expectSame(const ProbeLayout& a, const ProbeLayout& b) {
   EXPECT_EQ(a.probe_of_point, b.probe_of_point);
   EXPECT_EQ(a.influence.voxel_begin, b.influence.voxel_begin);
   EXPECT_EQ(a.influence.nearest, b.influence.nearest);
+  EXPECT_EQ(a.influence.pieces.plane_of_voxel, b.influence.pieces.plane_of_voxel);
+  EXPECT_EQ(a.influence.pieces.planes, b.influence.pieces.planes);
   ASSERT_EQ(a.influence.entries.size(), b.influence.entries.size());
   for (std::size_t i = 0; i < a.influence.entries.size(); ++i) {
     EXPECT_EQ(a.influence.entries[i].probe, b.influence.entries[i].probe);

@@ -199,17 +199,18 @@ Dual pow(const Dual& x, const Dual& e) {
 // Derivatives by every parameter of the query, against central differences.
 TEST(ScatteredQuery, DerivativesFlowThroughIt) {
   const ProbeLayout layout = scattered(20);
-  const Params params = loadParams("rtxgi");
+  Params params = loadParams("rtxgi");
+  params.parallax = 0.5;
   FieldSnapshot snapshot = snapshotOf(layout, params);
   fillTexels(snapshot, 21);
   double QueryParams<double>::*const plain[] = {
       &QueryParams<double>::normal_bias, &QueryParams<double>::view_bias,
       &QueryParams<double>::facing_offset, &QueryParams<double>::chebyshev_power,
-      &QueryParams<double>::crush_threshold};
+      &QueryParams<double>::crush_threshold, &QueryParams<double>::parallax};
   Dual QueryParams<Dual>::*const dual[] = {
       &QueryParams<Dual>::normal_bias, &QueryParams<Dual>::view_bias,
       &QueryParams<Dual>::facing_offset, &QueryParams<Dual>::chebyshev_power,
-      &QueryParams<Dual>::crush_threshold};
+      &QueryParams<Dual>::crush_threshold, &QueryParams<Dual>::parallax};
   const std::vector<QueryPoint> points = randomQueries(kRoom, 50, 22);
   for (std::size_t i = 0; i < std::size(plain); ++i) {
     int agree = 0;

@@ -166,9 +166,25 @@ TEST(ProbeWeight, CrushedWeightOfAnOccludedProbe) {
   QueryParams<double> params = plainParams();
   params.facing_offset = 0.2;
   const QueryModes modes{PL_FACING_WRAP,  PL_TRILINEAR_AXIS_MAX, 1, PL_CRUSH_BEFORE_TRILINEAR,
-                         PL_AVERAGE_SQRT, PL_FALLBACK_NONE};
+                         PL_AVERAGE_SQRT, PL_FALLBACK_NONE,      0, 0, 0, 0};
   EXPECT_NEAR(probeWeight(params, modes, 1.0, 1.0, 0.05), 0.06 * 0.06 * 0.06 / 0.04, 1e-12);
   EXPECT_NEAR(probeWeight(params, modes, 0.5, 1.0, 1.0), 0.6, 1e-12);
+}
+
+// A ceiling 2 m above a point and above a probe 1 m aside of it: the probe sees what is straight
+// above the point at atan(1 / 2). Seen from the point's own line, or with parallax 0, it reads along
+// the normal.
+TEST(Parallax, ProbesReadTowardsWhatThePointFaces) {
+  QueryParams<double> params = plainParams();
+  const Vec3d up(0, 1, 0);
+  params.parallax = 1;
+  const Vec3d d = parallaxDirection(params, up, Vec3d(-1, -0.5, 0), 2.0);
+  EXPECT_NEAR(d.x / d.y, -1 / std::sqrt(5.0), 1e-12);  // 1 / sqrt(2^2 + 1^2): never above 45 degrees
+  EXPECT_EQ(d.z, 0);
+  EXPECT_EQ(parallaxDirection(params, up, Vec3d(0, -3, 0), 2.0), up);
+  EXPECT_EQ(parallaxDirection(params, up, Vec3d(0, 0, 0), 0.0), up);
+  params.parallax = 0;
+  EXPECT_EQ(parallaxDirection(params, up, Vec3d(-1, -0.5, 0), 2.0), up);
 }
 
 TEST(ProbeWeight, CrushIsContinuousAtItsThreshold) {

@@ -199,7 +199,7 @@ TEST(WeightFit, LowersTheErrorAndStaysWhenItIsStiff) {
   const CornerWeights given = cornerWeights(start.influence);
   const auto fitted = [&](double stiffness) {
     const CornerWeights weights =
-        fitWeights(s.training.data(), s.judged, start, given, s.place.params, s.objective,
+        fitWeights(s.training.data(), s.judged, start, given, {}, s.place.params, s.objective,
                    {.iterations = 60, .stiffness = stiffness});
     return scatteredLayout(Interpolant::fitted, start.positions, s.place.scene.bounds,
                            start.influence.corners, weights);

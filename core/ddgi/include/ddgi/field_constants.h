@@ -17,6 +17,7 @@ GpuBuffer uploadFieldConstants(GpuContext& context, const ProbeLayout& layout,
 struct LayoutUse {
   bool moved = false;  // probes are off the lattice's points: positions are fetched
   bool full = false;   // every lattice point has its active probe: no index is fetched
+  bool walls = false;  // walls divide voxels of scattered probes
   int interpolant = PL_INTERPOLANT_LATTICE;
 };
 

@@ -4,6 +4,10 @@
 // everywhere whatever gave the corners theirs: k-nearest kernels, barycentric coordinates, a fit.
 // A lattice's own points as corners, each with its probe alone, give the lattice's trilinear query
 // exactly.
+//
+// Walls: a voxel that a wall divides has two *pieces*, one on each side of a plane within the wall,
+// and a corner may mean something else to each piece around it. So what lies behind a wall has no
+// weight at all, however thin the wall is, and weights jump within walls alone.
 #pragma once
 
 #include <array>
@@ -42,20 +46,43 @@ struct InfluenceEntry {
 };
 static_assert(sizeof(InfluenceEntry) == 12);
 
+// How voxels fall into pieces. Piece v is voxel v (x fastest), or its front where plane_of_voxel[v]
+// = k is not negative; piece voxels + k is then its back, where dot(normal, p) + offset < 0 with p
+// relative to the first corner of the grid.
+struct VoxelPieces {
+  std::vector<int32_t> plane_of_voxel;  // [voxel], -1: whole; empty: no wall anywhere
+  std::vector<Vec4f> planes;            // [plane]: unit normal, offset in metres
+  // [piece]: the lists of CornerWeights that count at its corners; empty: those of the grid.
+  std::vector<std::array<uint32_t, 8>> lists;
+  bool any() const { return !plane_of_voxel.empty(); }
+};
+
 struct InfluenceGrid {
   Lattice corners;                      // at least 2 an axis
-  std::vector<uint32_t> voxel_begin;    // [voxel + 1], x fastest: first entry
-  std::vector<InfluenceEntry> entries;  // by probe within a voxel
-  std::vector<int32_t> nearest;         // [voxel]: the probe that answers where no weight does
+  VoxelPieces pieces;                   // its lists are left out
+  std::vector<uint32_t> voxel_begin;    // [piece + 1]: first entry
+  std::vector<InfluenceEntry> entries;  // by probe within a piece
+  std::vector<int32_t> nearest;         // [piece]: the probe that answers where no weight does
   Vec3i voxels() const { return corners.count - Vec3i(1, 1, 1); }
 };
+
+// The voxel around a point (of points outside the nearest one), its piece there, and the trilinear
+// shares of its corners.
+struct VoxelPlace {
+  std::size_t voxel = 0, piece = 0;
+  std::array<float, 8> share{};
+};
+VoxelPlace voxelAt(const Lattice& corners, const VoxelPieces& pieces, const Vec3f& p);
+// Corner k of a voxel (x + 2 y + 4 z) in the grid of corners.
+std::size_t voxelCorner(const Lattice& corners, std::size_t voxel, int k);
 
 // Corner weights, scaled so that each corner's sum is 1 (the query divides by the sum of weights
 // anyway) and rounded; every corner keeps at least its largest. A corner without probes takes the
 // mean of its neighbours', again and again, so that no voxel is empty. `nearest` is the probe
 // nearest to the voxel's middle among its entries. Throws InputError when no corner has a probe.
+// With `pieces` lists beyond those of the corners must not be empty.
 InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
-                            const std::vector<Vec3f>& positions);
+                            const std::vector<Vec3f>& positions, VoxelPieces pieces = {});
 
 // The same without the probes that are not active; `nearest` becomes an active one wherever there
 // is any.

@@ -63,7 +63,8 @@ ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
 // distance to the 6 nearest probes (fewer where there are fewer, for a single one the longest edge
 // of the bounds), r_i the distance at which the probe's weight reaches 0.
 ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> positions,
-                            const Box3f& bounds, const Lattice& corners, CornerWeights weights);
+                            const Box3f& bounds, const Lattice& corners, CornerWeights weights,
+                            const VoxelPieces& pieces = {});
 
 // The query that reads the layout, PL_INTERPOLANT_*.
 int queryInterpolant(const ProbeLayout& layout);

@@ -50,6 +50,7 @@ struct Params {
   double facing_offset = 0, trilinear_floor = 0;
   double chebyshev_power = 0, visibility_floor = 0, variance_bias = 0;
   double crush_threshold = 0;
+  double parallax = 0;
 };
 
 // One key as help and error messages show it.
@@ -81,7 +82,7 @@ template <class T>
 QueryParams<T> convertQueryParams(const QueryParams<double>& p) {
   return {T(p.normal_bias),     T(p.view_bias),        T(p.facing_offset), T(p.trilinear_floor),
           T(p.chebyshev_power), T(p.visibility_floor), T(p.variance_bias), T(p.variance_floor),
-          T(p.crush_threshold), T(p.decode_exponent)};
+          T(p.crush_threshold), T(p.decode_exponent),  T(p.parallax)};
 }
 
 // Interior texels a side of the two atlases, and the sides as stored.

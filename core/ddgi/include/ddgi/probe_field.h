@@ -154,6 +154,8 @@ class ProbeField {
   GpuBuffer field_constants_, nearest_probe_, probe_positions_, probe_list_;
   GpuBuffer probe_index_;                                    // of a lattice
   GpuBuffer voxel_begin_, entries_, places_, probe_clamps_;  // of scattered probes
+  bool walls_ = false;  // that divide voxels
+  GpuBuffer plane_of_voxel_, planes_;
   double probes_per_query_ = 8;                              // mean over the places
   GpuBuffer counter_buffer_, stats_buffer_;
   ProbeAtlas irradiance_, moments_;

@@ -18,7 +18,7 @@ struct FieldSnapshot {
   QueryParams<double> params;
   int interpolant = PL_INTERPOLANT_LATTICE;
   std::vector<int> probe_of_point;  // [lattice point], active probes; -1: none
-  std::vector<int> nearest_probe;   // [lattice point or voxel], with the nearest fallback
+  std::vector<int> nearest_probe;   // [lattice point or voxel piece], with the nearest fallback
   InfluenceGrid influence;          // with scattered probes
   std::vector<Vec3f> positions;     // [probe]
   std::vector<float> bias_lengths;  // [probe], with scattered probes
@@ -35,6 +35,12 @@ struct FieldSnapshot {
   VoxelEntry fetchEntry(uint32_t index) const {
     return std::bit_cast<VoxelEntry>(influence.entries[index]);
   }
+  int fetchPlaneOfVoxel(int voxel) const {
+    return influence.pieces.plane_of_voxel[static_cast<std::size_t>(voxel)];
+  }
+  const Vec4f& fetchPlane(int plane) const {
+    return influence.pieces.planes[static_cast<std::size_t>(plane)];
+  }
   Vec4f fetchPlace(int probe) const {
     const Vec3f& p = fetchPosition(probe);
     return {p.x, p.y, p.z, bias_lengths[static_cast<std::size_t>(probe)]};
@@ -46,6 +52,7 @@ struct FieldSnapshot {
   const Vec2f& fetchMoments(int probe, int texel) const {
     return moments[texelIndex(probe, texel, lattice.moment_texels)];
   }
+  float fetchAhead(int probe, int texel) const { return fetchMoments(probe, texel).x; }
 
  private:
   std::size_t texelIndex(int probe, int texel, int interior) const {

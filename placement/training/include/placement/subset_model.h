@@ -45,7 +45,10 @@ double errorWeight(const Training::Data& data, const Objective& objective, std::
 float queryGain(const QueryParams<float>& query, const QueryModes& modes, int moment_texels,
                 const Receiver& receiver, const BakedProbe& probe, float bias_length_m);
 void queryValues(const QueryModes& modes, int irradiance_texels, std::size_t states,
-                 const Vec3f& normal, const BakedProbe& probe, float* values);
+                 const Vec3f& direction, const BakedProbe& probe, float* values);
+// The direction in which a point reads a probe: its normal, or with parallax aside of it.
+Vec3f readDirection(const QueryParams<float>& query, const QueryModes& modes, int moment_texels,
+                    const Receiver& receiver, const BakedProbe& probe);
 
 struct SubsetSettings {
   int neighbours = 12;        // k

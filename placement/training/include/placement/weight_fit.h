@@ -9,7 +9,7 @@
 
 namespace probelab {
 
-// The weights at a grid's corners, in its units.
+// The weights at a grid's corners, in its units; of a grid without walls.
 CornerWeights cornerWeights(const InfluenceGrid& grid);
 
 struct FitSettings {
@@ -19,9 +19,11 @@ struct FitSettings {
 
 // Corner weights w exp(t): the t minimise the objective's cost of the layout's query on baked
 // probes plus stiffness times the cost at the start times the mean of t^2 over all weights. Weights
-// stay positive and no probe comes or goes. `layout` gives positions, lengths and the corner grid.
+// stay positive and no probe comes or goes. `layout` gives positions, lengths and the corner grid,
+// `pieces` which of the weights count where.
 CornerWeights fitWeights(const Training::Data& data, const JudgedPoints& judged,
-                         const ProbeLayout& layout, CornerWeights weights, const Params& params,
+                         const ProbeLayout& layout, CornerWeights weights,
+                         const VoxelPieces& pieces, const Params& params,
                          const Objective& objective, const FitSettings& settings);
 
 }  // namespace probelab

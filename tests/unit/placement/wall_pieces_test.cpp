@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Voxels that walls divide: nothing behind a wall counts, and weights jump within walls alone.
+#include "placement/wall_pieces.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "ddgi/influence.h"
+#include "base/error.h"
+#include "placement/scattered.h"
+#include "places.h"
+
+namespace probelab::test {
+namespace {
+
+// Two rooms 3 m deep and high beside each other, `wall_m` of wall about x = `middle` between them (0:
+// one sheet seen from both sides), in it a door of 1 x 2 m if asked for. A camera in each.
+Scene dividedRooms(float wall_m, float middle, bool door) {
+  SceneBuilder b;
+  const uint32_t grey = b.material(Vec3f(0.6f)), both = b.material(Vec3f(0.6f), Vec3f(), true);
+  b.box({-3, 0, 0}, {3, 3, 3}, grey, true);
+  b.box({-3.2f, -0.2f, -0.2f}, {3.2f, 3.2f, 3.2f}, grey, false);
+  const float h = 0.5f * wall_m;
+  const auto slab = [&](float y0, float y1, float z0, float z1) {
+    if (wall_m > 0)
+      b.box({middle - h, y0, z0}, {middle + h, y1, z1}, grey, false);
+    else
+      b.quad({middle, y0, z0}, {middle, y0, z1}, {middle, y1, z1}, {middle, y1, z0}, both);
+  };
+  if (door)
+    slab(0, 3, 0, 1), slab(0, 3, 2, 3), slab(2, 3, 1, 2);
+  else
+    slab(0, 3, 0, 3);
+  b.pointLight({-1.5f, 2, 1.5f}, Vec3f(10));
+  b.camera({-1, 1, 1}, {-2, 1, 2});
+  b.camera({1, 1, 1}, {2, 1, 2});
+  return b.finish();
+}
+
+std::vector<Vec3f> somePlaces(const FreeSpace& space, int count) {
+  std::vector<Vec3f> places;
+  Rng rng(5, RngStream::test);
+  while (static_cast<int>(places.size()) < count) places.push_back(space.sample(rng));
+  return places;
+}
+
+ProbeLayout layoutOf(Place& place, const std::vector<Vec3f>& positions, const char* walls) {
+  const PlacementInput input =
+      place.input(static_cast<int>(positions.size()), 1,
+                  resolveOptions(findStrategy("poisson"), {std::string("walls=") + walls}));
+  return scatterProbes(FreeSpace(input), positions);
+}
+
+// Share of each probe at a place, sum 1.
+std::map<uint32_t, double> sharesAt(const InfluenceGrid& grid, const Vec3f& p) {
+  const VoxelPlace at = voxelAt(grid.corners, grid.pieces, p);
+  std::map<uint32_t, double> shares;
+  double sum = 0;
+  for (uint32_t e = grid.voxel_begin[at.piece]; e < grid.voxel_begin[at.piece + 1]; ++e) {
+    double share = 0;
+    for (std::size_t k = 0; k < 8; ++k)
+      share += static_cast<double>(at.share[k]) * grid.entries[e].weights[k];
+    if (share > 0) sum += shares[grid.entries[e].probe] = share;
+  }
+  for (auto& [probe, share] : shares) share /= sum;
+  return shares;
+}
+
+// Thickness of the wall and where it stands: between two voxels or within them.
+class DividedVoxels : public ::testing::TestWithParam<std::pair<float, float>> {};
+
+// Places up to a millimetre from the wall, whatever its thickness; without pieces the other room's
+// probes have half of the weight there.
+TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
+  const auto [wall_m, middle] = GetParam();
+  Place place(dividedRooms(wall_m, middle, false));
+  const PlacementInput input = place.input(40);
+  const std::vector<Vec3f> positions = somePlaces(FreeSpace(input), 40);
+  double behind[2] = {};  // largest share of the other room's probes
+  for (const bool walls : {false, true}) {
+    const ProbeLayout layout = layoutOf(place, positions, walls ? "on" : "off");
+    EXPECT_EQ(layout.influence.pieces.any(), walls);
+    EXPECT_EQ(!layout.influence.pieces.planes.empty(), walls && middle != 0);
+    Rng rng(6, RngStream::test);
+    for (int i = 0; i < 3000; ++i) {
+      const float side = i % 2 == 0 ? -1.0f : 1.0f;
+      const float off = 0.5f * wall_m + 0.001f + 0.8f * rng.nextFloat() * rng.nextFloat();
+      const Vec3f p(middle + side * off, 0.02f + 2.96f * rng.nextFloat(), 0.02f + 2.96f * rng.nextFloat());
+      double other = 0;
+      for (const auto& [probe, share] : sharesAt(layout.influence, p))
+        if ((layout.positions[probe].x - middle) * side < 0) other += share;
+      behind[walls] = std::max(behind[walls], other);
+    }
+  }
+  EXPECT_GT(behind[0], 0.3);
+  EXPECT_EQ(behind[1], 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Walls, DividedVoxels,
+                         ::testing::Values(std::pair(0.0f, 0.17f), std::pair(0.001f, 0.17f),
+                                           std::pair(0.05f, 0.17f), std::pair(0.2f, 0.17f),
+                                           std::pair(0.0f, 0.0f), std::pair(0.05f, 0.0f)),
+                         [](const auto& info) {
+                           return std::to_string(static_cast<int>(1000 * info.param.first)) + "mm_" +
+                                  (info.param.second == 0 ? "between" : "within");
+                         });
+
+// Along lines within the free space, through the door as well: a share changes in a step by no more
+// than the step's part of a voxel times the eight corners, so no voxel's face and no edge of the
+// wall shows.
+TEST(WallPieces, WeightsAreContinuousInTheFreeSpace) {
+  Place place(dividedRooms(0.1f, 0.17f, true));
+  const PlacementInput input = place.input(60);
+  const FreeSpace space(input);
+  const std::vector<Vec3f> positions = somePlaces(space, 60);
+  const ProbeLayout layout = layoutOf(place, positions, "on");
+  EXPECT_GT(layout.influence.pieces.planes.size(), 10u);
+  const float voxel = minComponent(layout.influence.corners.spacing);
+  Rng rng(7, RngStream::test);
+  int lines = 0, through_door = 0;
+  for (int tries = 0; tries < 4000 && lines < 300; ++tries) {
+    const Vec3f a = space.sample(rng), b = space.sample(rng);
+    if (!space.lineFree(a, b)) continue;
+    ++lines;
+    through_door += (a.x - 0.17f) * (b.x - 0.17f) < 0 ? 1 : 0;
+    const int steps = static_cast<int>(length(b - a) / (1e-3f * voxel));
+    std::map<uint32_t, double> before;
+    for (int i = 0; i <= steps; ++i) {
+      const float t = static_cast<float>(i) / static_cast<float>(steps);
+      std::map<uint32_t, double> now = sharesAt(layout.influence, a + (b - a) * t);
+      double change = 0;
+      for (const auto& [probe, share] : now) change += std::abs(share - (i ? before[probe] : share));
+      ASSERT_LT(change, 0.02) << "line " << lines << " at " << t;
+      before = std::move(now);
+    }
+  }
+  EXPECT_EQ(lines, 300);
+  EXPECT_GT(through_door, 10);
+}
+
+// Every corner of a piece has weights; planes divide one voxel each; the same again is the same.
+TEST(WallPieces, CoverEveryVoxelOfOpenAndClosedScenes) {
+  for (const Scene& scene : {pillarRoom(), openYard(), emptySpace(), corridor()}) {
+    Place place(scene);
+    const PlacementInput input = place.input(30);
+    const std::vector<Vec3f> positions = somePlaces(FreeSpace(input), 30);
+    const ProbeLayout layout = layoutOf(place, positions, "on"), again = layoutOf(place, positions, "on");
+    validateInfluence(layout.influence, positions.size(), "pieces");  // throws
+    EXPECT_EQ(layout.influence.pieces.plane_of_voxel, again.influence.pieces.plane_of_voxel);
+    EXPECT_EQ(layout.influence.voxel_begin, again.influence.voxel_begin);
+  }
+}
+
+TEST(WallPieces, AVoxelsSidesReadTheirOwnProbe) {
+  const Lattice corners = makeLattice({{0, 0, 0}, {1, 1, 1}}, {2, 2, 2});
+  // Corners 0 to 7 belong to the front and probe 0; list 8 is probe 1 alone.
+  CornerWeights weights(8, {{0, 1.0f}});
+  weights.push_back({{1, 1.0f}});
+  VoxelPieces pieces;
+  pieces.plane_of_voxel = {0};
+  pieces.planes = {Vec4f(1, 0, 0, -0.25f)};  // x = 0.25
+  pieces.lists = {{0, 1, 2, 3, 4, 5, 6, 7}, {8, 8, 8, 8, 8, 8, 8, 8}};
+  const InfluenceGrid grid =
+      makeInfluence(corners, weights, {Vec3f(0.9f), Vec3f(0.1f)}, pieces);
+  validateInfluence(grid, 2, "hand");
+  EXPECT_EQ(sharesAt(grid, {0.26f, 0.5f, 0.5f}).begin()->first, 0u);
+  EXPECT_EQ(sharesAt(grid, {0.24f, 0.5f, 0.5f}).begin()->first, 1u);
+  EXPECT_EQ(grid.nearest, (std::vector<int32_t>{0, 1}));
+  for (const auto& damage : std::vector<void (*)(InfluenceGrid&)>{
+           [](InfluenceGrid& g) { g.pieces.planes[0].x = 2; },
+           [](InfluenceGrid& g) { g.pieces.planes[0].w = NAN; },
+           [](InfluenceGrid& g) { g.pieces.plane_of_voxel[0] = 1; },
+           [](InfluenceGrid& g) { g.pieces.plane_of_voxel[0] = -1; },
+           [](InfluenceGrid& g) { g.pieces.plane_of_voxel.push_back(0); }}) {
+    InfluenceGrid damaged = grid;
+    damage(damaged);
+    EXPECT_THROW(validateInfluence(damaged, 2, "hand"), InputError);
+  }
+}
+
+}  // namespace
+}  // namespace probelab::test
