@@ -173,7 +173,7 @@ double leakedShare(Workbench& bench, Params params, double dark) {
 
 double storedError(Workbench& bench, const Params& params, double x) {
   // Powers of two and what is near them are stored without an error.
-  constexpr double kShares[] = {1, 1.013, 1.026, 1.039};
+  constexpr double kShares[] = {1, 0.987, 0.974, 0.961};
   constexpr int kBoxes = 5;
   SceneBuilder builder;
   std::vector<QueryPoint> points;

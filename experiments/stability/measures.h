@@ -37,7 +37,7 @@ double wallLeak(Workbench& bench, const CaseVariant& variant, const Params& para
 // radiance half-way between the columns of probes.
 double leakedShare(Workbench& bench, Params params, double dark);
 
-// Closed boxes of radiance `x` and up to 4 % more beside one of radiance 1, each with its probe:
+// Closed boxes of radiance `x` and up to 4 % less beside one of radiance 1, each with its probe:
 // largest relative error of E at the former's, as the format stores it.
 double storedError(Workbench& bench, const Params& params, double x);
 
