@@ -87,6 +87,27 @@ class Fuzz(unittest.TestCase):
         self.assertEqual([p["longest_input"] for p in self.passes()],
                          [256, 256, 256, 1024, 256, 256])
 
+    def test_a_time_out_of_a_process_that_was_stopped_is_none(self):
+        program = self.folder / "build/fuzz_values_json"
+        program.write_text(
+            "#!/bin/sh\n"
+            "for word in \"$@\"; do case $word in -artifact_prefix=*) prefix=${word#*=};; esac; done\n"
+            "[ -z \"$prefix\" ] && { grep -q slow \"$2\"; exit $((70 * !$?)); }\n"
+            "echo '#3\tINITED cov: 7 ft: 9' >&2\n"
+            "echo '#23\tNEW    cov: 7 ft: 9' >&2\n"
+            "echo quick > ${prefix}timeout-11\n"
+            "[ -e again ] && echo slow > ${prefix}timeout-22\n"
+            "touch again\n"
+            "exit 70\n")
+        done = subprocess.run([sys.executable, self.folder / "scripts/fuzz", "--no-build", "--build",
+                               self.folder / "build", "--format", "values_json", "--runs", "40"],
+                              capture_output=True, text=True, cwd=self.folder)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual([(p["slept"], p["found"]) for p in self.passes()],
+                         [(1, []), (1, ["timeout"])])
+        found = self.folder / "tests/fuzz/regressions/values_json"
+        self.assertEqual([p.name for p in found.iterdir()], ["timeout-22"])
+
     def test_a_program_that_ends_without_an_input_is_an_error(self):
         (self.folder / "build/fuzz_values_json").write_text("#!/bin/sh\nexit 5\n")
         done = self.fuzz("--runs", "10")
