@@ -126,13 +126,19 @@ std::vector<CurvePlan> darkRoomCurves() {
 }
 
 std::vector<CurvePlan> wallCurves() {
-  std::vector<Traced> all;
-  for (const char* preset : {"classic", "gdc2019", "majercik2021", "rtxgi", "probelab"})
-    all.push_back({preset, "embree", preset, exactParams(preset)});
-  all.push_back({"rtxgi_rayquery", "rayquery", "rtxgi, ray query", exactParams("rtxgi")});
-  all.push_back({"rtxgi_fp16", "embree", "rtxgi, fp16", halfParams("rtxgi")});
-  all.push_back({"probelab_fp16", "embree", "probelab, fp16", halfParams("probelab")});
-  all.push_back({"reference", "reference", "path tracer", {}});
+  const auto embree = [](const char* preset) {
+    return Traced{preset, "embree", preset, exactParams(preset)};
+  };
+  const Traced all[] = {
+      embree("classic"),
+      embree("gdc2019"),
+      embree("majercik2021"),
+      embree("rtxgi"),
+      embree("probelab"),
+      {"rtxgi_rayquery", "rayquery", "rtxgi, ray query", exactParams("rtxgi")},
+      {"rtxgi_fp16", "embree", "rtxgi, fp16", halfParams("rtxgi")},
+      {"probelab_fp16", "embree", "probelab, fp16", halfParams("probelab")},
+      {"reference", "reference", "path tracer", {}}};
   std::vector<CurvePlan> curves;
   for (const Traced& of : all)
     curves.push_back({std::string("wall.") + of.id, of.tracer, of.what,
