@@ -39,7 +39,8 @@ def point_rows(curves):
 def break_rows(curves):
     return [{"curve": c["id"], "what": c["curve"], "tracer": c["tracer"], "axis": c["axis"],
              "measure": c["measure"], "bound": number(c["bound"]),
-             "from": number(c["points"][0]["x"]), "to": number(c["points"][-1]["x"]),
+             "easy": number(c["easy"]), "from": number(c["points"][0]["x"]),
+             "to": number(c["points"][-1]["x"]),
              "breaks_below": number(c["breaks_below"]), "breaks_above": number(c["breaks_above"])}
             for c in curves]
 
@@ -70,7 +71,8 @@ def caption(result):
             "against itself at the origin and at scale 1; 'from a file': its node lies that far "
             "away, and the loader takes the distance into the scene's origin. Contrast: probes "
             "in closed boxes beside one of radiance 1; a point in a room beside one of radiance 1. "
-            "Walls: light of a bright room behind a wall between probes 1 m apart. Albedo: a "
+            "Walls: light of a bright room behind a wall between probes 1 m apart; ray query and "
+            "fp16 lie on their preset's curve. Albedo: a "
             "closed room from black, until 1 % of the bounces or 5,000 are left. "
             f"{result['device']}, version {result['version']}.\n")
 

@@ -166,17 +166,19 @@ def precision(published):
     """Where each curve of precision leaves its bound, a line a quantity."""
     rows = read_rows(published / "precision" / "breaks.csv")
     about = read_json(published / "precision" / "manifest.json")
-    table = [["quantity", "bound", "breaks at"]]
+    table = [["quantity", "bound", "holds up to"]]
     panels = {}
     for row in rows:
         panels.setdefault(row["curve"].partition(".")[0], []).append(row)
     for of in panels.values():
         at = {}
         for row in of:
-            ends = [rounded(float(row[k])) for k in ("breaks_below", "breaks_above") if row[k]]
-            at.setdefault(" and ".join(ends), []).append(row["what"])
-        says = [f"{', '.join(names)}: {end}" for end, names in at.items() if end]
-        says += [f"holds to the end: {', '.join(at[''])}"] if "" in at else []
+            ends = [row[k] for k in ("breaks_below", "breaks_above") if row[k]]
+            says = "nowhere" if row["easy"] in ends and len(set(ends)) == 1 \
+                else " and ".join(rounded(float(end)) for end in ends)
+            at.setdefault(says, []).append(f"*{row['what']}*")
+        says = [f"{', '.join(names)} {end}" for end, names in at.items() if end]
+        says += [f"{', '.join(at[''])} to the end"] if "" in at else []
         low, high = (rounded(float(of[0][k])) for k in ("from", "to"))
         table.append([f"{of[0]['axis']}, {low} to {high}", f"{float(of[0]['bound']):g}",
                       "; ".join(says)])
@@ -207,11 +209,12 @@ def fuzz(published):
     rows = read_rows(published / "fuzz" / "rows.csv")
     about = read_json(published / "fuzz" / "manifest.json")
     kinds = ("crashes", "leaks", "timeouts", "ooms")
-    table = [["format", "executions", "since a finding", "a second", "edges", "findings"]]
+    table = [["format", "executions", "since a finding", "a second", "edges", "findings",
+              "inputs kept"]]
     for row in rows:
         table.append([row["format"], *(f"{int(row[k]):,}" for k in ("executions", "clean",
                                                                     "exec_per_s", "edges")),
-                      str(sum(int(row[k]) for k in kinds))])
+                      str(sum(int(row[k]) for k in kinds)), row["regressions"]])
     return aligned(table) + f"\n\n{about['compiler']}; {about['sanitizers']}.\n"
 
 
