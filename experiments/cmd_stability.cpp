@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
 #include "base/build_info.h"
@@ -20,6 +21,8 @@
 #include "provenance.h"
 #include "require.h"
 #include "stability/suite.h"
+#include "stability_curves.h"
+#include "stability_long.h"
 #include "stability_scene.h"
 #include "table.h"
 
@@ -32,7 +35,9 @@ constexpr std::size_t kTableWidth = 100, kVerdictWidth = 7, kTitleWidth = 26, kG
 struct StabilityOptions {
   SceneStabilityOptions scene;
   std::string name;  // --case
-  const CLI::Option* scene_option = nullptr;
+  bool curves = false;
+  std::optional<int> long_run;  // updates
+  CLI::Option* scene_option = nullptr;
   std::vector<const CLI::Option*> of_scene;  // those that mean nothing without a SCENE
 };
 
@@ -165,9 +170,6 @@ std::vector<PlannedRow> plannedRows(const StabilityOptions& options) {
 }
 
 Json runSuite(const StabilityOptions& options, const Invocation& invocation) {
-  for (const CLI::Option* option : options.of_scene)
-    if (option->count() > 0)
-      throwInput("{} needs a SCENE: the suite's own cases have their own", option->get_name());
   const std::vector<PlannedRow> planned = plannedRows(options);
   Provenance provenance = makeProvenance(invocation);
   GpuContext gpu = openDevice(invocation, provenance);
@@ -191,13 +193,33 @@ Json runSuite(const StabilityOptions& options, const Invocation& invocation) {
           {"provenance", toJson(provenance)}};
 }
 
+// Curves are a measurement without a verdict, so nothing here ends with exit code 3.
+void runCurvesCommand(const StabilityOptions& options, const Invocation& invocation) {
+  const Timer timer;
+  Json result = runPrecision(options.name, options.scene.tracer, invocation);
+  result["seconds"] = timer.seconds();
+  reportResult(invocation, result, [&] {
+    printPrecision(result);
+    fmt::print("\n{}\n", formatDuration(timer.seconds()));
+  });
+}
+
+void requireNoSceneOptions(const StabilityOptions& options) {
+  for (const CLI::Option* option : options.of_scene)
+    if (option->count() > 0)
+      throwInput("{} needs a SCENE: the suite's own cases have their own", option->get_name());
+}
+
 void runStability(const StabilityOptions& options, const Invocation& invocation) {
   const Timer timer;
   const bool of_scene = options.scene_option->count() > 0;
   if (of_scene && options.scene.scene.scene.empty())
     throwInput("SCENE is empty; leave it out to run the suite's own scenes");
-  Json result = of_scene ? runSceneStability(options.scene, options.name, invocation)
-                         : runSuite(options, invocation);
+  if (!of_scene) requireNoSceneOptions(options);
+  if (options.curves) return runCurvesCommand(options, invocation);
+  Json result = options.long_run ? runLongRun(options.scene, *options.long_run, invocation)
+                : of_scene       ? runSceneStability(options.scene, options.name, invocation)
+                                 : runSuite(options, invocation);
   finish(invocation, result, timer.seconds(), of_scene);
 }
 
@@ -228,7 +250,19 @@ void addStabilityCommand(Program& program) {
       ->type_name("NAME")
       ->check(CLI::IsMember({"embree", "rayquery", "both"}).description(""))
       ->capture_default_str();
+  app.add_flag("--curves", options->curves,
+               "errors over distance, scale, contrast, wall and albedo, and where each curve "
+               "leaves its bound, instead of the cases; --case then names curves")
+      ->excludes(options->scene_option);
   const std::size_t before = app.get_options().size();
+  app.add_option("--long-run", options->long_run,
+                 fmt::format("so many updates with hysteresis instead of the cases (at least {}): "
+                             "memory, drift from the converged field, stalls",
+                             kLeastLongRun))
+      ->type_name("N")
+      ->check(CLI::Range(kLeastLongRun, 1000000000).description(""))
+      ->excludes(app.get_option("--case"))
+      ->group("With a SCENE");
   app.add_option("--state", scene.scene.state, "lighting state of SCENE (default: its first)")
       ->type_name("NAME")
       ->group("With a SCENE");

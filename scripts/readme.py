@@ -156,7 +156,70 @@ def stability(published):
             f"{about['device']}, both tracers, version {about['version']}.\n")
 
 
-BLOCKS = {"stability": stability, "overview": overview, "pipeline_presets": pipeline_presets, "placement": placement,
+def rounded(value):
+    """Two digits: 0.054, 2,600, 1.2e-06."""
+    value = float(f"{value:.2g}")
+    return f"{value:,.0f}" if 100 <= value < 1e6 else f"{value:g}"
+
+
+def precision(published):
+    """Where each curve of precision leaves its bound, a line a quantity."""
+    rows = read_rows(published / "precision" / "breaks.csv")
+    about = read_json(published / "precision" / "manifest.json")
+    table = [["quantity", "bound", "holds up to"]]
+    panels = {}
+    for row in rows:
+        panels.setdefault(row["curve"].partition(".")[0], []).append(row)
+    for of in panels.values():
+        at = {}
+        for row in of:
+            ends = [row[k] for k in ("breaks_below", "breaks_above") if row[k]]
+            says = "nowhere" if row["easy"] in ends and len(set(ends)) == 1 \
+                else " and ".join(rounded(float(end)) for end in ends)
+            at.setdefault(says, []).append(f"*{row['what']}*")
+        says = [f"{', '.join(names)} {end}" for end, names in at.items() if end]
+        says += [f"{', '.join(at[''])} to the end"] if "" in at else []
+        low, high = (rounded(float(of[0][k])) for k in ("from", "to"))
+        table.append([f"{of[0]['axis']}, {low} to {high}", f"{float(of[0]['bound']):g}",
+                      "; ".join(says)])
+    figure = "results/published/precision"
+    return (f"![Where precision goes: errors and the points where they leave their bounds]({figure}"
+            f"/precision.png)\n\n*[Whole caption]({figure}/precision.txt), "
+            f"[rows]({figure}/rows.csv).*\n\n" + aligned(table, 3) + "\n\n" +
+            f"{about['device']}, version {about['version']}.\n")
+
+
+def long_runs(published):
+    """Many updates on three scenes."""
+    about = read_json(published / "long_runs" / "manifest.json")
+    table = [["scene", "updates", "update ms", "memory MiB", "grown", "trend", "distance", "noise",
+              "frozen"]]
+    for scene, n in about["scenes"].items():
+        table.append([scene, f"{n['updates']:,}", f"{n['update_ms']:.2f}",
+                      f"{n['rss_mib']:.1f}", f"{n['grown_mib']:.2f}", f"{n['drift']:+.1f}",
+                      f"{n['farthest']:.2g}", f"{n['noise']:.2g}", f"{n['frozen']:.2g}"])
+    first = next(iter(about["scenes"].values()))
+    return (aligned(table) + "\n\n" +
+            f"At most 48 probes of {first['rays']} rays, hysteresis {about['hysteresis']}; "
+            f"{about['device']}, tracer {about['tracer']}, version {about['version']}.\n")
+
+
+def fuzz(published):
+    """Executions a format, of all passes."""
+    rows = read_rows(published / "fuzz" / "rows.csv")
+    about = read_json(published / "fuzz" / "manifest.json")
+    kinds = ("crashes", "leaks", "timeouts", "ooms")
+    table = [["format", "executions", "since a finding", "a second", "edges", "findings",
+              "inputs kept"]]
+    for row in rows:
+        table.append([row["format"], *(f"{int(row[k]):,}" for k in ("executions", "clean",
+                                                                    "exec_per_s", "edges")),
+                      str(sum(int(row[k]) for k in kinds)), row["regressions"]])
+    return aligned(table) + f"\n\n{about['compiler']}; {about['sanitizers']}.\n"
+
+
+BLOCKS = {"stability": stability, "precision": precision, "long_runs": long_runs, "fuzz": fuzz,
+          "overview": overview, "pipeline_presets": pipeline_presets, "placement": placement,
           "budget": budget, "figures": figures}
 
 

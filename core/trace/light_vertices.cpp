@@ -9,10 +9,10 @@
 namespace probelab {
 namespace {
 
-// Whether nothing is closer to the light than 1e-3 of the scene's extent, by rays.
-bool standsFree(const LightData& light, const EmbreeScene& embree) {
+// Whether nothing is closer to the light than 1e-3 of half the scene's longest edge, by rays.
+bool standsFree(const LightData& light, float half_edge, const EmbreeScene& embree) {
   constexpr int kRays = 256;
-  const float near = 1e-3f * embree.extent();
+  const float near = 1e-3f * half_edge;
   for (int i = 0; i < kRays; ++i) {
     const float turn = 0.61803398875f * static_cast<float>(i);
     const Vec3f direction =
@@ -29,10 +29,14 @@ float coneCosine(const LightData& light) {
 
 }  // namespace
 
-LightVertexSampler::LightVertexSampler(std::span<const LightData> lights, const EmbreeScene& embree)
+LightVertexSampler::LightVertexSampler(std::span<const LightData> lights, const Geometry& geometry,
+                                       const EmbreeScene& embree)
     : lights_(lights), share_(lights.size(), 0.0f) {
+  // Of the box, which may lie anywhere: its largest coordinate would rule lights out far away.
+  const Box3f& box = geometry.box;
+  const float half_edge = box.empty() ? 0 : maxComponent(box.extent()) / 2;
   for (std::size_t i = 0; i < lights.size(); ++i) {
-    if (lights[i].type == kLightDirectional || !standsFree(lights[i], embree)) continue;
+    if (lights[i].type == kLightDirectional || !standsFree(lights[i], half_edge, embree)) continue;
     share_[i] = maxComponent(lights[i].intensity) * (1 - coneCosine(lights[i]));
     total_ += share_[i];
   }

@@ -51,7 +51,7 @@ PathTracer::PathTracer(const Scene& scene, const EmbreeScene& embree)
       materials_(makeMaterialTable(scene)),
       lights_(makeLightData(scene)) {
   emitters_ = std::make_unique<LightSampler>(*scene.geometry, materials_, scene.sky);
-  light_vertices_ = std::make_unique<LightVertexSampler>(lights_, embree);
+  light_vertices_ = std::make_unique<LightVertexSampler>(lights_, *scene.geometry, embree);
   setConnections(true);
 }
 PathTracer::~PathTracer() = default;

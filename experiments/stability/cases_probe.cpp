@@ -8,6 +8,7 @@
 
 #include "cases.h"
 #include "ddgi/directions.h"
+#include "measures.h"
 #include "shared/octahedral.h"
 
 namespace probelab {
@@ -193,29 +194,8 @@ Measurement tooMany(Workbench&, const CaseVariant&) {
   return refused([&] { validateLayout(layout, params); }, {"more than an atlas can index"});
 }
 
-// A bright room (1) and a dark one (0.001) with 1 m of wall: share of the bright one's radiance
-// half-way between the columns of probes.
-double leakedShare(Workbench& bench, const std::string& preset) {
-  SceneBuilder builder;
-  builder.box(Vec3f(0), Vec3f(4), builder.material(Vec3f(0), Vec3f(0.001f)), true);
-  builder.box(Vec3f(5, 0, 0), Vec3f(9, 4, 4), builder.material(Vec3f(0), Vec3f(1)), true);
-  builder.scene().bounds = {Vec3f(0), Vec3f(9, 4, 4)};
-  const BuiltScene scene(builder.finish());
-  Params params = exactParams(preset);
-  params.encoding_gamma = 1;
-  params.average = PL_AVERAGE_LINEAR;
-  const auto field = bench.field(
-      scene,
-      fullLattice({Vec3f(1.9f, 1, 1), Vec3f(7.1f, 3, 3)}, Vec3i(2, 2, 2), scene.scene.bounds),
-      params);
-  field->update(0, {}, {});
-  const std::vector<QueryPoint> point{upAt(Vec3f(3.9f, 2, 2))};
-  return (static_cast<double>(field->query(point).front().y) / kPi - 0.001) /
-         0.999;  // -0.001: black
-}
-
 Measurement floorLeak(Workbench& bench, const CaseVariant& variant) {
-  const double share = leakedShare(bench, variant.format);
+  const double share = leakedShare(bench, exactParams(variant.format), 0.001);
   if (variant.format == "probelab") return within(std::abs(share), 1e-6, "share, either sign:");
   // Floor 0.05, facing 1.2, crush / threshold^2: 0.0054 against 1.2, 0.45 % at equal trilinear
   // weights; the point lies nearer to the dark column.

@@ -4,40 +4,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "cases.h"
 #include "hostile_files.h"
+#include "measures.h"
 
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-// A room with a pillar that emits, a lamp, and a place for it.
-Scene pillarRoom(float scale) {
-  SceneBuilder builder;
-  builder.box(Vec3f(0), Vec3f(4, 2, 2) * scale, builder.material(Vec3f(0.6f, 0.5f, 0.4f)), true);
-  builder.box(Vec3f(1.4f, 0, 0.6f) * scale, Vec3f(1.9f, 1.3f, 1.1f) * scale,
-              builder.material(Vec3f(0.3f), Vec3f(0.2f, 0.5f, 1)), false);
-  builder.pointLight(Vec3f(3.1f, 1.7f, 0.7f) * scale, Vec3f(2 * scale * scale));
-  return builder.finish();
-}
-
 Measurement scaled(Workbench& bench, const CaseVariant& variant) {
-  const auto answers = [&](float scale) {
-    const BuiltScene scene(pillarRoom(scale));
-    Params params = exactParams("rtxgi");
-    params.rays = 64;
-    std::vector<QueryPoint> points = randomPoints({Vec3f(0.1f), Vec3f(3.9f, 1.9f, 1.9f)}, 100, 4);
-    for (QueryPoint& p : points) p.position = p.position * scale;
-    return answersAt(bench, scene,
-                     fullLattice({Vec3f(0.25f) * scale, Vec3f(3.75f, 1.75f, 1.75f) * scale},
-                                 Vec3i(4, 2, 2), scene.scene.bounds),
-                     params, points, variant, {.samples = 64});
+  const auto answers = [&](double scale) {
+    return pillarAnswers(bench, variant, exactParams("rtxgi"), {.scale = scale});
   };
   const Answers one = answers(1);
-  return both(near(answers(1e-3f), one, 1e-3), near(answers(1e3f), one, 1e-3));
+  return both(near(answers(1e-3), one, 1e-3), near(answers(1e3), one, 1e-3));
 }
 
 // The file's node far away, its vertices near the node.
@@ -59,21 +39,6 @@ Measurement shiftedNode(Workbench& bench, const CaseVariant&) {
   return within(worst, 4 * 0x1p-53 * 9e6 + 0x1p-24, "local positions move by, m:");
 }
 
-// Relative error of a furnace of 2 m that lies `metres` from the local origin on every axis.
-double shiftedError(Workbench& bench, const CaseVariant& variant, double metres) {
-  const Vec3f at(static_cast<float>(metres));
-  SceneBuilder builder;
-  builder.box(at, at + Vec3f(2), builder.material(Vec3f(0.5f), Vec3f(1)), true);
-  const BuiltScene scene(builder.finish());
-  Params params = exactParams("rtxgi");
-  params.rays = 64;
-  const auto field = bench.field(scene, furnaceLayout(scene.scene), params, variant);
-  convergeField(*field, {.average = 4});
-  std::vector<QueryPoint> points = furnacePoints();
-  for (QueryPoint& p : points) p.position += at;
-  return worstError(field->query(points), kPi / 0.5);
-}
-
 Measurement shifted(Workbench& bench, const CaseVariant& variant) {
   return within(shiftedError(bench, variant, 1e3), 1e-4, "error");
 }
@@ -82,26 +47,6 @@ Measurement shiftLimit(Workbench& bench, const CaseVariant& variant) {
   const double metres = breakingPoint(
       1e3, 1e7, [&](double d) { return shiftedError(bench, variant, d) <= 1e-4; }, 0.1);
   return limitAt(metres, fmt::format("error above 1e-4 from {:.3g} m on", metres));
-}
-
-// Wall of `thickness` between a bright room and a dark one; 0 is a single sheet that both see.
-Scene twoRooms(float thickness, float albedo, uint32_t* first_dark = nullptr) {
-  SceneBuilder builder;
-  const uint32_t bright = builder.material(Vec3f(albedo), Vec3f(1));
-  const uint32_t dark = builder.material(Vec3f(albedo));
-  const float half = thickness / 2;
-  if (thickness > 0) {
-    builder.box(Vec3f(-2, 0, 0), Vec3f(-half, 2, 2), bright, true);
-    if (first_dark) *first_dark = static_cast<uint32_t>(builder.geometry().triangles.size());
-    builder.box(Vec3f(half, 0, 0), Vec3f(2, 2, 2), dark, true);
-  } else {
-    builder.box(Vec3f(-2, 0, 0), Vec3f(2, 2, 2), dark, true);
-    builder.box(Vec3f(-1.5f, 0.5f, 0.5f), Vec3f(-1, 1, 1), bright, false);
-    const uint32_t sheet = builder.material(Vec3f(albedo), Vec3f(), true);
-    builder.quad(Vec3f(0, -0.1f, -0.1f), Vec3f(0, -0.1f, 2.1f), Vec3f(0, 2.1f, 2.1f),
-                 Vec3f(0, 2.1f, -0.1f), sheet);
-  }
-  return builder.finish();
 }
 
 Measurement sealedRoom(Workbench& bench, const CaseVariant& variant) {
@@ -118,20 +63,9 @@ Measurement sealedRoom(Workbench& bench, const CaseVariant& variant) {
   return within(most, 0, "largest E in the dark room");
 }
 
-// Share of the bright room's irradiance that shows behind the wall, probes 0.25 m from its middle.
+// Probes 0.25 m from the wall's middle.
 double leak(Workbench& bench, const std::string& preset, double thickness) {
-  const BuiltScene scene(twoRooms(static_cast<float>(thickness), 0));
-  Params params = exactParams(preset);
-  const auto field = bench.field(
-      scene,
-      fullLattice({Vec3f(-1.75f, 0.25f, 0.25f), Vec3f(1.75f)}, Vec3i(8, 4, 4), scene.scene.bounds),
-      params);
-  field->update(0, {}, {});
-  std::vector<QueryPoint> points = randomPoints(
-      {Vec3f(static_cast<float>(thickness / 2), 0.2f, 0.2f), Vec3f(0.25f, 1.8f, 1.8f)}, 200, 7);
-  double sum = 0;
-  for (const Vec4f& e : field->query(points)) sum += static_cast<double>(e.y) / kPi / 200;
-  return sum;
+  return wallLeak(bench, {}, exactParams(preset), thickness, 0.5);
 }
 
 // Leaks shrink with the wall; looked for from thick (holds) to thin, so in its inverse.

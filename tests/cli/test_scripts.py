@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """scripts/setup says what it would do; scripts/count_tests.py counts what ctest wrote;
 scripts/pipeline.py runs a study and keeps what is done."""
+import csv
 import json
 import os
 import pathlib
@@ -14,6 +15,13 @@ from support import CliTest, PROGRAM
 SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / "scripts"
 sys.path.insert(0, str(SCRIPTS))
 import pipeline_report  # noqa: E402
+
+
+def read_csv(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
 CASES = {
     "passed": '<testcase name="a" status="run"/>',
     "failed": '<testcase name="b" status="fail"><failure message=""/></testcase>',
@@ -210,6 +218,48 @@ class PipelineReport(unittest.TestCase):
         self.assertEqual(cells[5][:4], ["exact", "=", "-", "1.00"])
         self.assertIn("Left out in every scene: nothing (changes nothing here).", caption)
         self.assertEqual(len({len(line) for line in table.splitlines()}), 1)
+
+
+class Precision(CliTest):
+    def test_rows_and_breaking_points_are_those_of_the_curves(self):
+        result = self.run_json("stability", "--curves", "--case", "wall.classic")
+        (self.folder / "rows.json").write_text(json.dumps(result))
+        subprocess.run([sys.executable, SCRIPTS / "precision.py", "--rows", self.folder / "rows.json",
+                        "--no-figure", "-o", self.folder / "out"], check=True, capture_output=True)
+        [curve] = result["curves"]
+        rows = read_csv(self.folder / "out/rows.csv")
+        self.assertEqual(len(rows), len(curve["points"]))
+        for row, point in zip(rows, curve["points"]):  # six digits
+            self.assertAlmostEqual(float(row["x"]) / point["x"], 1, delta=1e-5)
+            self.assertAlmostEqual(float(row["error"]) / point["error"], 1, delta=1e-5)
+        [broken] = read_csv(self.folder / "out/breaks.csv")
+        self.assertEqual(float(broken["breaks_below"]), 0.5)  # no visibility: it never holds
+        self.assertEqual(broken["breaks_above"], "")
+        manifest = json.loads((self.folder / "out/manifest.json").read_text())
+        self.assertEqual((manifest["curves"], manifest["points"]), (1, len(rows)))
+        self.assertIn("1 of 1 curves", (self.folder / "out/precision.txt").read_text())
+
+
+class LongRuns(CliTest):
+    def long_runs(self):
+        return subprocess.run([sys.executable, SCRIPTS / "long_runs.py", "--program", PROGRAM,
+                               "--updates", "2000", "--scenes", "cornell", "--runs",
+                               self.folder / "runs", "-o", self.folder / "out"],
+                              capture_output=True, text=True)
+
+    def test_what_was_run_is_not_run_again(self):
+        first = self.long_runs()
+        self.assertIn(first.returncode, (0, 3), first.stderr)
+        self.assertIn("probelab stability scenes/cornell/scene.toml", first.stderr)
+        cases = read_csv(self.folder / "out/cases.csv")
+        self.assertEqual([c["id"] for c in cases],
+                         ["long.memory", "long.drift", "long.converged", "long.stall"])
+        self.assertEqual(first.returncode,
+                         3 if any(c["verdict"] == "fails" for c in cases) else 0)
+        self.assertEqual(len(read_csv(self.folder / "out/rows.csv")), 50)
+        again = self.long_runs()
+        self.assertEqual((again.returncode, again.stdout), (first.returncode, first.stdout))
+        self.assertEqual(again.stderr, "")
 
 
 if __name__ == "__main__":

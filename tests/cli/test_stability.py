@@ -57,5 +57,48 @@ class OwnScene(CliTest):
         self.assertIn("can be trusted", result["trusted"])
 
 
+class Curves(CliTest):
+    def test_a_curve_has_its_points_bound_and_breaking_points(self):
+        result = self.run_json("stability", "--curves", "--case", "contrast.rgb10a2_gamma5")
+        [curve] = result["curves"]
+        self.assertEqual((curve["id"], curve["tracer"]), ("contrast.rgb10a2_gamma5", "embree"))
+        self.assertEqual(len(curve["points"]), 25)
+        broken = [p["x"] for p in curve["points"] if p["error"] > curve["bound"]]
+        self.assertTrue(all(x < curve["breaks_below"] or x > curve["breaks_above"]
+                            for x in broken), curve)
+        self.assertTrue(1 <= curve["breaks_above"] <= 1.1, curve)
+        self.assertEqual(self.files(), [])
+
+    def test_the_table_has_a_line_a_curve(self):
+        text = self.run_ok("stability", "--curves", "--case", "wall.reference").stdout
+        self.assertRegex(text, r"(?m)^wall\.reference +0\.01 +- +- +0$")
+
+    def test_what_does_not_fit_is_refused(self):
+        self.assert_refused("stability", "--curves", "--case", "wall.clasic",
+                            words=("no curve is called 'wall.clasic'", "'wall.classic'"))
+        self.assert_refused("stability", "--curves", "--case", "wall.rtxgi_rayquery",
+                            "--tracer", "embree", words=("no curve of the tracer embree",))
+        self.assert_refused("stability", SOURCE / "scenes/cornell/scene.toml", "--curves",
+                            words=("--curves", "SCENE"))
+
+
+class LongRun(CliTest):
+    def test_a_run_is_judged_and_its_parts_are_told(self):
+        result = self.run_json("stability", SOURCE / "scenes/cornell/scene.toml", "--params",
+                               "probelab", "--probes", 8, "--rays", 8, "--count", 64,
+                               "--rel-error", 0.3, "--tracer", "embree", "--long-run", 2100)
+        self.assertEqual(result["updates"], 2000)  # 50 parts of 40 samples
+        self.assertEqual([b["updates"] for b in result["batches"]], list(range(40, 2001, 40)))
+        self.assertEqual([c["id"] for c in result["cases"]],
+                         ["long.memory", "long.drift", "long.converged", "long.stall"])
+        self.assertGreater(result["batches"][-1]["rss_mib"], 20)
+        self.assertGreater(result["long_run"]["noise"], result["long_run"]["expected"])
+
+    def test_it_needs_a_scene_and_enough_updates(self):
+        self.assert_refused("stability", "--long-run", 5000, words=("--long-run needs a SCENE",))
+        self.assert_refused("stability", SOURCE / "scenes/cornell/scene.toml", "--long-run", 1999,
+                            words=("--long-run", "2000"))
+
+
 if __name__ == "__main__":
     unittest.main()

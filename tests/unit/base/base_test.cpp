@@ -29,6 +29,17 @@ TEST(Suggest, FindsTheNearestName) {
   EXPECT_EQ(suggestion("viewbias", names), ", did you mean 'view_bias'?");
   EXPECT_EQ(suggestion("colour", names), "; known are: normal_bias, view_bias, hysteresis");
   EXPECT_EQ(suggestion("colour", {}), ", there are none");
+  EXPECT_EQ(nearestName("view_bias_of_the_probes", names), "");
+}
+
+// A name as long as a damaged file is not compared: a million letters took minutes.
+TEST(Suggest, LooksAtNamesThatSomebodyMayHaveTyped) {
+  const std::vector<std::string> names = {std::string(64, 'a'), std::string(999'999, 'a')};
+  EXPECT_EQ(nearestName(std::string(63, 'a'), names), names[0]);
+  EXPECT_EQ(nearestName(std::string(65, 'a'), names), "");
+  const Timer timer;
+  EXPECT_EQ(nearestName(std::string(1'000'000, 'a'), names), "");
+  EXPECT_LT(timer.seconds(), 1);
 }
 
 TEST(Hash, IsThatOfXxh3) {

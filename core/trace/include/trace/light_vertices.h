@@ -24,8 +24,9 @@ struct LightVertex {
 class LightVertexSampler {
  public:
   // Directional lights take no part (most of their light falls outside rooms), nor do lights within
-  // 1e-3 of the scene's extent of a surface, whose own fixture would end their rays.
-  LightVertexSampler(std::span<const LightData> lights, const EmbreeScene& embree);
+  // 1e-3 of half the scene's longest edge of a surface, whose own fixture would end their rays.
+  LightVertexSampler(std::span<const LightData> lights, const Geometry& geometry,
+                     const EmbreeScene& embree);
 
   bool empty() const { return total_ == 0; }
   // One ray from one light. Nothing where it leaves the scene, or falls on black or a back face.

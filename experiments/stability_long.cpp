@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "stability_long.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "base/error.h"
+#include "base/interrupt.h"
+#include "base/progress.h"
+#include "base/timer.h"
+#include "device.h"
+#include "evaluation.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kBatches = 50, kSamples = 40;  // a batch
+constexpr int kFirst = kBatches / 10;        // batches until memory must have settled
+constexpr double kGrowth = 1;                // MiB
+constexpr double kTrend = 4;                 // standard errors
+constexpr double kVarianceRatio = 2;
+// The converged field's directions are others.
+constexpr uint64_t kFirstRotation = uint64_t{1} << 32;
+
+double square(double x) { return x * x; }
+
+// Bytes of the process in memory; 0 where the system does not say.
+double residentMib() {
+  std::ifstream file("/proc/self/statm");
+  double pages = 0, resident = 0;
+  file >> pages >> resident;
+  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
+double medianOf(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+std::vector<double> luminances(ProbeField& field, const Receivers& receivers) {
+  std::vector<double> values;
+  for (const Vec3f& e : queryReceivers(field, receivers)) values.push_back(luminance(Vec3d(e)));
+  return values;
+}
+
+// Sums over the samples of a batch.
+class BatchSums {
+ public:
+  explicit BatchSums(std::span<const double> area)
+      : area_(area), sum_(area.size()), squares_(area.size()), moves_(area.size()) {}
+
+  void add(const std::vector<double>& sample, double update_ms) {
+    for (std::size_t i = 0; i < sample.size(); ++i) {
+      sum_[i] += sample[i], squares_[i] += square(sample[i]);
+      if (count_ > 0 && sample[i] != last_[i]) moves_[i] = 1;
+    }
+    last_ = sample;
+    ++count_;
+    times_.push_back(update_ms);
+  }
+
+  LongBatch finish(int updates, double slowest_ms) const {
+    LongBatch batch{updates, sum_, 0, 0, medianOf(times_), slowest_ms, residentMib()};
+    for (std::size_t i = 0; i < sum_.size(); ++i) {
+      batch.estimates[i] /= count_;
+      const double variance = squares_[i] / count_ - square(batch.estimates[i]);
+      batch.variance += area_[i] * std::max(0.0, variance) * count_ / (count_ - 1);
+      // Where no light arrives nothing moves.
+      if (batch.estimates[i] > 0) batch.frozen += area_[i] * (1 - moves_[i]);
+    }
+    return batch;
+  }
+
+ private:
+  std::span<const double> area_;
+  std::vector<double> sum_, squares_, moves_, last_, times_;
+  double count_ = 0;
+};
+
+// Runs the field; calls for every batch.
+void runBatches(ProbeField& field, const Receivers& receivers, int updates, LongRun& run,
+                const std::function<void(const LongBatch&)>& on_batch) {
+  const auto hysteresis = static_cast<float>(field.params().hysteresis);
+  const int interval = updates / (kBatches * kSamples);
+  int done = 0;
+  for (int b = 0; b < kBatches; ++b) {
+    BatchSums sums(run.area);
+    double slowest_ms = 0;
+    for (int s = 0; s < kSamples; ++s) {
+      double ms = 0;
+      for (int i = 0; i < interval; ++i, ++done) {
+        throwIfInterrupted();
+        const BlendMode mode{.hysteresis = done == 0 ? 0.0f : hysteresis};
+        field.update(kFirstRotation + static_cast<uint64_t>(done), mode, mode);
+        ms += field.updateWallMs() / interval;
+        slowest_ms = std::max(slowest_ms, field.updateWallMs());
+      }
+      sums.add(luminances(field, receivers), ms);
+    }
+    run.batches.push_back(sums.finish(done, slowest_ms));
+    on_batch(run.batches.back());
+  }
+}
+
+// Of the batches after the first tenth, in which the field comes up from black.
+std::span<const LongBatch> settledBatches(const LongRun& run) {
+  return std::span(run.batches).subspan(kFirst);
+}
+
+double meanVariance(std::span<const LongBatch> batches) {
+  double sum = 0;
+  for (const LongBatch& b : batches) sum += b.variance / static_cast<double>(batches.size());
+  return sum;
+}
+
+// Variance over batches of a receiver's mean, mean over receivers by area.
+double varianceOfMeans(const LongRun& run) {
+  const auto batches = settledBatches(run);
+  const auto n = static_cast<double>(batches.size());
+  double total = 0;
+  for (std::size_t i = 0; i < run.area.size(); ++i) {
+    double sum = 0, squares = 0;
+    for (const LongBatch& b : batches) sum += b.estimates[i], squares += square(b.estimates[i]);
+    total += run.area[i] * std::max(0.0, squares / n - square(sum / n)) * n / (n - 1);
+  }
+  return total;
+}
+
+double meanSquare(const LongRun& run, std::span<const double> values) {
+  double sum = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) sum += run.area[i] * square(values[i]);
+  return sum;
+}
+
+Json batchJson(const LongRun& run, const LongBatch& batch, const Receivers& receivers) {
+  std::vector<Vec3f> grey;
+  double mean = 0;
+  for (std::size_t i = 0; i < batch.estimates.size(); ++i) {
+    grey.emplace_back(static_cast<float>(batch.estimates[i]));
+    mean += run.area[i] * batch.estimates[i];
+  }
+  const ErrorReport errors = scoreEstimates(grey, receivers, ScoredSplit::all);
+  return {{"updates", batch.updates},
+          {"mean", mean},
+          {"distance", rmsDistance(run, batch.estimates, run.converged)},
+          {"nrmse", optionalNumber(errors.all.nrmse)},
+          {"frozen", batch.frozen},
+          {"update_ms", batch.update_ms},
+          {"slowest_ms", batch.slowest_ms},
+          {"rss_mib", batch.rss_mib}};
+}
+
+Json rowsJson(const std::vector<LongRow>& rows) {
+  Json cases = Json::array();
+  for (const LongRow& row : rows)
+    cases.push_back({{"id", row.id},
+                     {"group", "long"},
+                     {"case", row.title},
+                     {"expectation", row.expectation},
+                     {"measured", row.measured.text},
+                     {"verdict", verdictName(row.measured.verdict)}});
+  return cases;
+}
+
+Json numbersJson(const LongNumbers& n) {
+  return {{"noise", n.noise},         {"expected", n.expected},
+          {"farthest", n.farthest},   {"drift", n.drift},
+          {"grown_mib", n.grown_mib}, {"frozen", n.frozen},
+          {"slowest", n.slowest},     {"variance_ratio", n.variance_ratio}};
+}
+
+LongRun emptyRun(const Receivers& receivers) {
+  LongRun run;
+  double area = 0;
+  for (const Receiver& r : receivers.points) area += r.area;
+  for (const Receiver& r : receivers.points) run.area.push_back(r.area / area);
+  return run;
+}
+
+Json describe(const LongRun& run, const Receivers& receivers, const Params& params,
+              double seconds) {
+  Json batches = Json::array();
+  for (const LongBatch& batch : run.batches) batches.push_back(batchJson(run, batch, receivers));
+  const LongNumbers numbers = longNumbers(run);
+  const int done = run.batches.back().updates;
+  return {{"receivers", receivers.points.size()},
+          {"params", params.name},
+          {"rays", params.rays},
+          {"hysteresis", params.hysteresis},
+          {"updates", done},
+          {"updates_per_s", done / seconds},
+          {"nrmse", batches.back()["nrmse"]},
+          {"long_run", numbersJson(numbers)},
+          {"batches", batches},
+          {"trusted", fmt::format("{} updates with hysteresis {}, {:.0f} a second.", done,
+                                  params.hysteresis, done / seconds)},
+          {"cases", rowsJson(judgeLongRun(numbers))}};
+}
+
+}  // namespace
+
+double rmsDistance(const LongRun& run, std::span<const double> a, std::span<const double> b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += run.area[i] * square(a[i] - b[i]);
+  return std::sqrt(sum / meanSquare(run, b));
+}
+
+double trend(std::span<const double> values) {
+  const auto n = static_cast<double>(values.size());
+  const double mean_x = (n - 1) / 2, mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  double xx = 0, xy = 0, yy = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const double x = static_cast<double>(i) - mean_x, y = values[i] - mean;
+    xx += x * x, xy += x * y, yy += y * y;
+  }
+  const double left = std::max(0.0, yy - xy * xy / xx);  // of the squares, beside the line
+  if (xy == 0) return 0;
+  return xy / xx / std::sqrt(left / (n - 2) / xx);
+}
+
+LongNumbers longNumbers(const LongRun& run) {
+  const auto batches = settledBatches(run);
+  const double scale = std::sqrt(meanSquare(run, run.converged));
+  LongNumbers n;
+  n.noise = std::sqrt(meanVariance(batches)) / scale;
+  // The converged field is an average of as many updates as a batch's.
+  n.expected = std::sqrt(2 * varianceOfMeans(run)) / scale;
+  std::vector<double> means, times;
+  for (const LongBatch& b : batches) {
+    n.farthest = std::max(n.farthest, rmsDistance(run, b.estimates, run.converged));
+    n.frozen = std::max(n.frozen, b.frozen);
+    n.grown_mib = std::max(n.grown_mib, b.rss_mib - run.batches[kFirst - 1].rss_mib);
+    double mean = 0;
+    for (std::size_t i = 0; i < run.area.size(); ++i) mean += run.area[i] * b.estimates[i];
+    means.push_back(mean), times.push_back(b.update_ms);
+  }
+  n.drift = trend(means);
+  const auto [fastest, slowest] = std::minmax_element(times.begin(), times.end());
+  n.slowest = *slowest / *fastest;
+  const std::size_t quarter = batches.size() / 4;
+  n.variance_ratio = meanVariance(batches.last(quarter)) / meanVariance(batches.first(quarter));
+  return n;
+}
+
+std::vector<LongRow> judgeLongRun(const LongNumbers& n) {
+  const auto judged = [](bool holds, const std::string& text) {
+    return Measurement{holds ? Verdict::holds : Verdict::fails, text, std::nullopt};
+  };
+  return {{"long.memory", "resident memory",
+           "grows by at most 1 MiB after the first tenth of the run",
+           judged(n.grown_mib <= kGrowth, fmt::format("{:+.2f} MiB", n.grown_mib))},
+          {"long.drift", "mean light over the run", "no trend beyond 4 standard errors",
+           judged(std::abs(n.drift) <= kTrend, fmt::format("{:+.2f} standard errors", n.drift))},
+          {"long.converged", "distance from the converged field",
+           "every batch's mean nearer than the noise that history leaves at any one time",
+           judged(n.farthest <= n.noise,
+                  fmt::format("{:.2g} at most, noise {:.2g}; averages alone differ by {:.2g}",
+                              n.farthest, n.noise, n.expected))},
+          {"long.stall", "the field still moves",
+           "no receiver frozen for a batch; noise of the last quarter within 2 x the first's",
+           judged(n.frozen == 0 && n.variance_ratio <= kVarianceRatio &&
+                      n.variance_ratio >= 1 / kVarianceRatio,
+                  fmt::format("{:.2g} frozen, noise x {:.3f}, slowest batch's updates x {:.2f}",
+                              n.frozen, n.variance_ratio, n.slowest))}};
+}
+
+Json runLongRun(const SceneStabilityOptions& options, int updates, const Invocation& invocation) {
+  SceneSetup setup(options.scene, invocation);
+  const Params params = resolveParams(options.field);
+  const Receivers receivers =
+      obtainTruth(options.truth, setup.scene, setup.embree, setup.reachability, invocation)
+          .receivers;
+  FieldOptions of_field = options.field;
+  of_field.tracer = options.tracer == "rayquery" ? "rayquery" : "embree";
+  FieldPlan plan{.options = of_field, .seed = invocation.common.seed};
+  LongRun run = emptyRun(receivers);
+  {
+    const auto field = makeField(setup, params, plan);
+    convergeField(*field, {.average = updates / kBatches});
+    run.converged = luminances(*field, receivers);
+  }
+  plan.accumulate = false;
+  const auto field = makeField(setup, params, plan);
+  Progress progress("long run", kBatches, invocation.common.quiet);
+  const Timer timer;
+  runBatches(*field, receivers, updates, run,
+             [&](const LongBatch&) { progress.update(static_cast<double>(run.batches.size())); });
+  progress.finish();
+  requireNoValidationMessages(setup.gpu);
+  Json result = describe(run, receivers, params, timer.seconds());
+  result["scene"] = setup.scene.name;
+  result["state"] = setup.scene.state;
+  result["probes"] = field->probeCount();
+  result["device"] = setup.gpu.info().name;
+  result["provenance"] = toJson(setup.provenance);
+  return result;
+}
+
+}  // namespace probelab

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/fuzz adds up what libFuzzer says, goes on where it was, keeps what was found. In place of
+libFuzzer a program that says what it would say."""
+import csv
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+# Loads 3 inputs, then runs 400; the second time it finds something after 100.
+FUZZER = """#!/bin/sh
+echo x >> {folder}/calls
+for word in "$@"; do case $word in -artifact_prefix=*) prefix=${{word#*=}};; esac; done
+echo '#3\tINITED cov: 7 ft: 9' >&2
+if [ "$(wc -l < {folder}/calls)" = 2 ]; then
+  echo boom > "${{prefix}}crash-00"
+  echo '#103\tNEW    cov: 8 ft: 11' >&2
+  exit 77
+fi
+echo 'stat::number_of_executed_units: 403' >&2
+"""
+
+
+class Fuzz(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+        (self.folder / "scripts").mkdir()
+        shutil.copy(SOURCE / "scripts/fuzz", self.folder / "scripts/fuzz")
+        shutil.copytree(SOURCE / "tests/fuzz/corpus/values_json",
+                        self.folder / "tests/fuzz/corpus/values_json")
+        (self.folder / "build").mkdir()
+        program = self.folder / "build/fuzz_values_json"
+        program.write_text(FUZZER.format(folder=self.folder))
+        program.chmod(0o755)
+
+    def fuzz(self, *words):
+        return subprocess.run([sys.executable, self.folder / "scripts/fuzz", "--no-build", "--build",
+                               self.folder / "build", "--format", "values_json", *words],
+                              capture_output=True, text=True)
+
+    def passes(self):
+        text = (self.folder / "results/runs/fuzz/passes.jsonl").read_text()
+        return [json.loads(line) for line in text.splitlines()]
+
+    def test_a_run_that_ended_is_not_run_again(self):
+        self.assertEqual(self.fuzz("--runs", "400").returncode, 0)
+        self.assertEqual(self.fuzz("--runs", "400").returncode, 0)
+        self.assertEqual([p["executions"] for p in self.passes()], [400])
+
+    def test_passes_add_up_and_a_finding_stays_in_sight(self):
+        done = self.fuzz("--runs", "900", "--publish", str(self.folder / "published"))
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual([p["executions"] for p in self.passes()], [400, 100, 400])
+        with open(self.folder / "published/rows.csv", newline="") as file:
+            [row] = csv.DictReader(file)
+        self.assertEqual({k: row[k] for k in ("executions", "clean", "passes", "crashes", "edges",
+                                              "regressions")},
+                         {"executions": "900", "clean": "400", "passes": "3", "crashes": "1",
+                          "edges": "8", "regressions": "1"})
+        found = self.folder / "tests/fuzz/regressions/values_json/crash-00"
+        self.assertEqual(found.read_text(), "boom\n")
+
+    def test_a_line_that_a_kill_cut_is_left_out(self):
+        self.fuzz("--runs", "400")
+        with open(self.folder / "results/runs/fuzz/passes.jsonl", "a") as file:
+            file.write('{"format": "values_json", "execu')
+        done = self.fuzz("--report")
+        self.assertRegex(done.stdout, r"values_json +400 +400 +1 ")
+        self.assertEqual(self.fuzz("--runs", "450").returncode, 1)  # the second pass finds
+        self.assertRegex(self.fuzz("--report").stdout, r"values_json +500 +0 +2 ")
+
+    def test_most_passes_have_short_inputs(self):
+        os.remove(self.folder / "build/fuzz_values_json")
+        program = self.folder / "build/fuzz_values_json"
+        program.write_text("#!/bin/sh\n"
+                           "echo '#3\tINITED cov: 7 ft: 9' >&2\n"
+                           "echo 'stat::number_of_executed_units: 13' >&2\n")
+        program.chmod(0o755)
+        self.fuzz("--runs", "60")
+        self.assertEqual([p["longest_input"] for p in self.passes()],
+                         [256, 256, 256, 1024, 256, 256])
+
+    def test_a_time_out_of_a_process_that_was_stopped_is_none(self):
+        program = self.folder / "build/fuzz_values_json"
+        program.write_text(
+            "#!/bin/sh\n"
+            "for word in \"$@\"; do case $word in -artifact_prefix=*) prefix=${word#*=};; esac; done\n"
+            "[ -z \"$prefix\" ] && { grep -q slow \"$2\"; exit $((70 * !$?)); }\n"
+            "echo '#3\tINITED cov: 7 ft: 9' >&2\n"
+            "echo '#23\tNEW    cov: 7 ft: 9' >&2\n"
+            "echo quick > ${prefix}timeout-11\n"
+            "[ -e again ] && echo slow > ${prefix}timeout-22\n"
+            "touch again\n"
+            "exit 70\n")
+        done = subprocess.run([sys.executable, self.folder / "scripts/fuzz", "--no-build", "--build",
+                               self.folder / "build", "--format", "values_json", "--runs", "40"],
+                              capture_output=True, text=True, cwd=self.folder)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual([(p["slept"], p["found"]) for p in self.passes()],
+                         [(1, []), (1, ["timeout"])])
+        found = self.folder / "tests/fuzz/regressions/values_json"
+        self.assertEqual([p.name for p in found.iterdir()], ["timeout-22"])
+
+    def test_a_program_that_ends_without_an_input_is_an_error(self):
+        (self.folder / "build/fuzz_values_json").write_text("#!/bin/sh\nexit 5\n")
+        done = self.fuzz("--runs", "10")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("ended with 5 after 0 executions and kept no input", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
