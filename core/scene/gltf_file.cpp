@@ -133,6 +133,7 @@ tinygltf::Model parse(const std::string& file, std::span<const std::byte> bytes,
   // Remarks on what it loads all the same do not count: checkGltfStructure was stricter, and it
   // also complains of valid files, as of skins without inverse bind matrices.
   if (!done) {
+    if (errors.find("bad_alloc") != std::string::npos) throw std::bad_alloc();  // caught in there
     while (!errors.empty() && errors.back() == '\n') errors.pop_back();
     throwInput("{}: cannot be parsed: {}", file, printable(errors));
   }
