@@ -85,6 +85,25 @@ def placement(published):
     return aligned(rows) + "\n\n" + about[:1].upper() + about[1:] + ".\n"
 
 
+SETTINGS = {"probelab": "`probelab`", "tuned": "tuned on the scene",
+            "left_out": "tuned on the other scenes", "shared": "tuned on all scenes"}
+
+
+def tuning(published):
+    """The summary of tuning.md, a row a setting."""
+    text = (published / "tuning" / "tuning.md").read_text()
+    lines = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines()]
+    found = {(c[0], c[1]): c for c in lines if len(c) == 10 and c[1].endswith("lights")}
+    rows = [["parameters", "N", "scenes", "lights tuned on", "other lights", "light leak", "smape"]]
+    for name, title in SETTINGS.items():
+        same, other = found.get((name, "same lights")), found.get((name, "held-out lights"))
+        if same and other:
+            rows.append([title, same[2], same[3], *(f"{c[4]} {c[5]}" for c in (same, other)),
+                         *other[6:8]])
+    seeds = {r["seed"] for r in load_rows(published / "tuning") if r["layout"] == "tuned"}
+    return aligned(rows) + f"\n\nSeeds {', '.join(map(str, sorted(seeds)))}.\n"
+
+
 BUDGET_SCENES = ("two_rooms_door", "thin_wall/scene_05cm")
 
 
@@ -220,7 +239,7 @@ def fuzz(published):
 
 BLOCKS = {"stability": stability, "precision": precision, "long_runs": long_runs, "fuzz": fuzz,
           "overview": overview, "pipeline_presets": pipeline_presets, "placement": placement,
-          "budget": budget, "figures": figures}
+          "tuning": tuning, "budget": budget, "figures": figures}
 
 
 # Single numbers.

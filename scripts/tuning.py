@@ -28,7 +28,28 @@ ALL = "all"  # the scenes of leave-one-out, in place of one's name
 
 def identity(study):
     """What all runs share, as one text: rows of other settings do not mix."""
-    return f"{settings_of(study)} strategy={study['strategy']}"
+    text = f"{settings_of(study)} strategy={study['strategy']}"
+    for name in ("set", "vary"):
+        if study.get(name):
+            text += f" {name}={','.join(study[name])}"
+    if "leak_weight" in study:
+        text += f" leak_weight={study['leak_weight']}"
+    return text
+
+
+def start_words(study):
+    """What a tuning starts from, what it varies, and the presets that are scored beside it."""
+    against = list(study["published"])
+    words = ["--from", study["params"]]
+    for one in study.get("set", []):
+        words += ["--set", one]
+    if study.get("set"):  # the preset itself is another setting then
+        against.append(study["params"])
+    if study.get("vary"):
+        words += ["--vary", ",".join(study["vary"])]
+    if "leak_weight" in study:
+        words += ["--leak-weight", study["leak_weight"]]
+    return [*words, "--against", ",".join(against)]
 
 
 class TuningStudy(Runner):
@@ -86,8 +107,10 @@ class TuningStudy(Runner):
         """The rows of a run, with its report kept under reports/."""
         folder = self.folder / "reports" / unit
         folder.mkdir(parents=True, exist_ok=True)
-        first = seed == self.study["seeds"][0] and len(scenes) == 1
-        searches = self.study.get("searches", {}) if first else {}
+        searches = self.study.get("searches", {})
+        if seed != self.study["seeds"][0] or len(scenes) > 1 or (
+                scenes[0] not in searches.get("scenes", scenes)):
+            searches = {}
         words = ["--bias-map-size", searches.get("bias_map_size", 0)]
         if searches.get("evaluations"):
             words += ["--compare-searches", searches["evaluations"]]
@@ -95,8 +118,7 @@ class TuningStudy(Runner):
             words.append("--leave-one-out")
         self.run("tune", *scenes, "-o", os.path.relpath(folder / "tuned.toml"),
                  "--strategy", self.study["strategy"], "--probes", probes,
-                 "--from", self.study["params"], "--against", ",".join(self.study["published"]),
-                 "--rays", self.study["rays"], "--updates", self.study["updates"],
+                 *start_words(self.study), "--rays", self.study["rays"], "--updates", self.study["updates"],
                  "--count", self.study["receivers"], "--rel-error", self.study["rel_error"],
                  "--seed", seed, "--report", os.path.relpath(folder), *words)
         result = json.loads((folder / "tune.json").read_text())

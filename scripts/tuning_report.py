@@ -22,7 +22,8 @@ ABOUT = {TUNED: "tuned on the scene", LEFT_OUT: "tuned on the other scenes",
 def tables_of(study, rows):
     """Our settings against the published presets."""
     layouts = [{"name": name} for name in study["published"]]
-    layouts += [{"name": name, "ours": True} for name in (TUNED, LEFT_OUT, SHARED, FROM)]
+    ours = [TUNED, LEFT_OUT, SHARED, FROM] + ([study["params"]] if study.get("set") else [])
+    layouts += [{"name": name, "ours": True} for name in ours]
     return Tables({**study, "layout": layouts, "against": []}, rows)
 
 
@@ -66,14 +67,17 @@ class Pairs:
 def against_each(tables, study, probes, lights):
     table = [["setting", "over", "scenes", "nrmse", "95 %", "least", "light leak", "shadow leak"]]
     pairs = Pairs(tables, probes, lights)
+    changed = study.get("set", [])
+    start = " ".join([study["params"], *changed, f"({FROM})"])
+    others = [*study["published"], *([study["params"]] if changed else []), FROM]
     for ours in (TUNED, LEFT_OUT, SHARED):
-        for other in [*study["published"], FROM]:
+        for other in others:
             found = pairs.ratios(other, ours)
             if not found:
                 continue
             drawn = [geometric_mean(list(of)) or 0.0 for of in zip(*(d for _, d in found.values()))]
             least = min(found, key=lambda s: found[s][0])
-            table.append([ours, f"{study['params']} ({FROM})" if other == FROM else other,
+            table.append([ours, start if other == FROM else other,
                           str(len(found)),
                           number(geometric_mean([r for r, _ in found.values()])),
                           interval(percentiles(drawn)), f"{number(found[least][0])} {least}",
@@ -173,7 +177,7 @@ def best_sections(tables):
                 table, row = tables.comparison(ours, probes, lights)
                 if table:
                     summary.append(row)
-                    parts += [f"## {ours} ({ABOUT[ours]}) against the best published preset: "
+                    parts += [f"## {ours} ({ABOUT.get(ours, 'as shipped')}) against the best published preset: "
                               f"{title}, N = {probes}", aligned(table, 1)]
     if not parts:
         return []
