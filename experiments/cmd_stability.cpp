@@ -256,7 +256,8 @@ void addStabilityCommand(Program& program) {
       ->excludes(options->scene_option);
   const std::size_t before = app.get_options().size();
   app.add_option("--long-run", options->long_run,
-                 fmt::format("so many updates with hysteresis instead of the cases (at least {}): "
+                 fmt::format("so many updates with hysteresis instead of the cases (a multiple of "
+                             "{}): "
                              "memory, drift from the converged field, stalls",
                              kLeastLongRun))
       ->type_name("N")
@@ -270,6 +271,7 @@ void addStabilityCommand(Program& program) {
                  fmt::format("updates in the average (default: {})", kSceneUpdates))
       ->type_name("N")
       ->check(checkPositiveInteger)
+      ->excludes(app.get_option("--long-run"))
       ->group("With a SCENE");
   addStrategyOptions(app, scene.field);
   addParamsOptions(app, scene.field);

@@ -272,6 +272,11 @@ std::vector<LongRow> judgeLongRun(const LongNumbers& n) {
 }
 
 Json runLongRun(const SceneStabilityOptions& options, int updates, const Invocation& invocation) {
+  constexpr int kStep = kBatches * kSamples;
+  if (updates % kStep != 0)
+    throwInput("--long-run {}: batches and their samples are equally long in multiples of {} only: "
+               "ask for {}",
+               updates, kStep, (updates / kStep + 1) * kStep);
   SceneSetup setup(options.scene, invocation);
   const Params params = resolveParams(options.field);
   const Receivers receivers =
@@ -286,6 +291,9 @@ Json runLongRun(const SceneStabilityOptions& options, int updates, const Invocat
     convergeField(*field, {.average = updates / kBatches});
     run.converged = luminances(*field, receivers);
   }
+  if (!(meanSquare(run, run.converged) > 0))
+    throwInput("{}: no light arrives at the receivers in state '{}'; choose another with --state",
+               setup.scene.path, setup.scene.state);
   plan.accumulate = false;
   const auto field = makeField(setup, params, plan);
   Progress progress("long run", kBatches, invocation.common.quiet);

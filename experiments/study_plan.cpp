@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/files.h"
+#include "base/parse_twice.h"
 #include "base/suggest.h"
 
 namespace probelab {
@@ -285,7 +286,9 @@ StudyPlan readStudyPlan(const fs::path& path, const StudySelection& selection) {
   const Reader read{path.string()};
   toml::table table;
   try {
-    table = toml::parse(readTextFile(path), path.string());
+    const std::string text = readTextFile(path);
+    table = parseTwice<toml::parse_error>(
+        [&] { return toml::table(toml::parse(text, path.string())); });
   } catch (const toml::parse_error& error) {
     throwInput("{}:{}: {}", path.string(), error.source().begin.line, error.description());
   }

@@ -13,9 +13,11 @@
 namespace probelab {
 namespace {
 
-constexpr int kAnEdge = 4;              // samples of a voxel along an edge
+constexpr int kAnEdge = 4;              // samples within a voxel along an edge
+constexpr int kOnEdge = 3;              // and over its faces, edges and corners
+constexpr float kInset = 1e-3f;         // of a voxel, of these from its surface
 constexpr std::size_t kNearCorner = 2;  // places of a piece that stand for it at a corner
-constexpr std::size_t kNearFace = 12;   // places of a piece that look through a face
+constexpr std::size_t kNearFace = 25;   // places of a piece that look through a face
 constexpr float kShort = 2e-3f;         // of a voxel: what a corner's lines leave out there
 constexpr int kPlanes = 24;             // pairs of places whose surfaces are tried as a plane
 
@@ -51,14 +53,31 @@ Vec3i placeOf(const Vec3i& count, std::size_t index) {
   return {i % count.x, i / count.x % count.y, i / (count.x * count.y)};
 }
 
+// All over a voxel, and all over its surface: a wall that runs close to a face leaves a sliver on
+// the other side, which samples within would miss.
 std::vector<Vec3f> voxelSamples(const Lattice& corners, const Vec3i& at, std::size_t voxel) {
   std::vector<Vec3f> samples;
   Rng rng(voxel, RngStream::placement, 40);
+  const auto add = [&](const Vec3f& share) {
+    samples.push_back(corners.first + (Vec3f(at) + share) * corners.spacing);
+  };
   for (int i = 0; i < kAnEdge * kAnEdge * kAnEdge; ++i) {
     const Vec3i cell(i % kAnEdge, i / kAnEdge % kAnEdge, i / (kAnEdge * kAnEdge));
     const float x = rng.nextFloat(), y = rng.nextFloat(), z = rng.nextFloat();
-    const Vec3f share = (Vec3f(cell) + Vec3f(x, y, z)) / static_cast<float>(kAnEdge);
-    samples.push_back(corners.first + (Vec3f(at) + share) * corners.spacing);
+    add((Vec3f(cell) + Vec3f(x, y, z)) / static_cast<float>(kAnEdge));
+  }
+  constexpr int kSteps = kOnEdge + 2;  // the first and the last lie on the surface
+  for (int i = 0; i < kSteps * kSteps * kSteps; ++i) {
+    const Vec3i step(i % kSteps, i / kSteps % kSteps, i / (kSteps * kSteps));
+    Vec3f share;
+    bool on_surface = false;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const bool low = step[axis] == 0, high = step[axis] == kSteps - 1;
+      const float within = static_cast<float>(step[axis] - 1) + rng.nextFloat();
+      share[axis] = low ? kInset : high ? 1 - kInset : within / static_cast<float>(kOnEdge);
+      on_surface |= low || high;
+    }
+    if (on_surface) add(share);
   }
   return samples;
 }

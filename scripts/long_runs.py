@@ -7,7 +7,7 @@ was seen: memory, drift, distance from the converged field, stalls. Standard lib
   scripts/long_runs.py --updates 4000 -o /tmp/long     a short one
 
 Each scene's result is kept in results/runs/long_runs, by the program and the options, so that a
-run that was killed goes on with the scene where it was. Writes rows.csv (a fiftieth of a run a
+run that was killed runs no scene again that it has finished. Writes rows.csv (a fiftieth of a run a
 line), cases.csv (a judgement a line) and manifest.json. Exit code 3 when a case fails.
 """
 import argparse
@@ -19,11 +19,14 @@ import statistics
 import subprocess
 import sys
 
+from whole_output import run_main, whole_folder
+
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 SCENES = ("cornell", "sun_room", "two_rooms_door")
 # Few probes and rays, so that 100,000 updates take minutes.
 OPTIONS = ["--params", "probelab", "--probes", "48", "--rays", "16", "--count", "128",
            "--rel-error", "0.1", "--tracer", "embree"]
+STEP = 2000  # of --long-run
 BATCH = ("updates", "mean", "distance", "nrmse", "frozen", "update_ms", "slowest_ms", "rss_mib")
 CASE = ("scene", "probes", "rays", "updates", "id", "verdict", "expectation", "measured")
 
@@ -32,13 +35,23 @@ def say(text):
     print(f"long_runs: {text}", file=sys.stderr, flush=True)
 
 
+def parsed(path):
+    """What is kept there; None if nothing is, or it is damaged."""
+    try:
+        result = json.loads(path.read_text())
+        return result if result["long_run"] and result["batches"] else None
+    except (OSError, ValueError, LookupError, TypeError):
+        return None
+
+
 def result_of(program, scene, updates, runs):
     """What the program printed, from earlier where nothing has changed."""
     words = ["stability", f"scenes/{scene}/scene.toml", "--long-run", str(updates), *OPTIONS,
              "--json"]
     key = hashlib.sha256(program.read_bytes() + "\0".join(words).encode()).hexdigest()[:16]
     path = runs / f"{scene}_{key}.json"
-    if not path.exists():
+    kept = parsed(path)
+    if kept is None:
         say(" ".join(["probelab", *words]))
         done = subprocess.run([program, *words], cwd=ROOT, stdout=subprocess.PIPE, text=True,
                               check=False)
@@ -48,7 +61,8 @@ def result_of(program, scene, updates, runs):
         temporary = path.with_suffix(".tmp")
         temporary.write_text(done.stdout)
         temporary.rename(path)
-    return json.loads(path.read_text())
+        kept = json.loads(done.stdout)
+    return kept
 
 
 def number(value):
@@ -63,7 +77,6 @@ def write_csv(path, columns, rows):
 
 
 def publish(results, folder):
-    folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "rows.csv", ("scene", *BATCH),
               [{"scene": scene, **{k: b[k] for k in BATCH}} for scene, r in results.items()
                for b in r["batches"]])
@@ -102,10 +115,13 @@ def main():
     options = parser.parse_args()
     if not options.program.exists():
         parser.error(f"{options.program}: not built yet; scripts/run builds it")
+    if options.updates < STEP or options.updates % STEP:
+        parser.error(f"--updates {options.updates}: a multiple of {STEP}, as --long-run takes them")
     program = options.program.resolve()
     results = {scene: result_of(program, scene, options.updates, options.runs)
                for scene in options.scenes.split(",")}
-    publish(results, options.output)
+    with whole_folder(options.output) as folder:
+        publish(results, folder)
     for scene, result in results.items():
         for case in result["cases"]:
             print(f"{scene:16} {case['id']:16} {case['verdict']:6} {case['measured']}")
@@ -113,4 +129,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

@@ -17,8 +17,8 @@ def number(value, digits=3):
     """Three significant digits, trailing zeros kept; '-' for what does not exist."""
     if value is None:
         return "-"
-    if value == 0:
-        return "0"
+    if value == 0 or math.isinf(value):
+        return "0" if value == 0 else "inf"
     power = int(f"{value:.{digits - 1}e}".split("e")[1])
     if power < -4:
         return f"{value:.{digits - 1}e}"

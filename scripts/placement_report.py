@@ -14,10 +14,12 @@ def interval(low_high):
 
 
 def error_ratio(base, ours, floor):
-    """Of a leak; values below the floor of the truth's noise count as that. None: both are."""
+    """Of a leak; values below the floor of the truth's noise count as that. None: both are;
+    infinite: ours has none, under a truth without noise."""
     if base <= floor and ours <= floor:
         return None
-    return max(base, floor) / max(ours, floor)
+    least = max(ours, floor)
+    return max(base, floor) / least if least > 0 else math.inf
 
 
 class Tables:
@@ -79,7 +81,8 @@ class Tables:
             return None, None
 
         def middle_of(name):
-            return number(geometric_mean([f[name] for f in counted.values()]))
+            found = [f[name] for f in counted.values()]
+            return number(geometric_mean([v for v in found if v is None or math.isfinite(v)]))
 
         def least(name):
             scene = min(counted, key=lambda s: counted[s][name])

@@ -17,6 +17,8 @@ import pathlib
 import subprocess
 import sys
 
+from whole_output import run_main, whole_folder
+
 sys.dont_write_bytecode = True
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 COMMAND = ["probelab", "stability", "--curves", "--json"]
@@ -134,7 +136,6 @@ def draw(result, folder):
 
 
 def publish(result, folder):
-    folder.mkdir(parents=True, exist_ok=True)
     write_csv(folder / "rows.csv", point_rows(result["curves"]))
     write_csv(folder / "breaks.csv", break_rows(result["curves"]))
     (folder / "manifest.json").write_text(json.dumps(manifest(result), indent=1) + "\n")
@@ -151,6 +152,8 @@ def main():
     parser.add_argument("-o", "--output", default=ROOT / "results/published/precision",
                         type=pathlib.Path, help="folder (default: results/published/precision)")
     options = parser.parse_args()
+    if not options.no_figure:
+        import matplotlib  # noqa: F401: before the minutes that the curves take
     if options.rows:
         text = options.rows.read_text()
     else:
@@ -160,11 +163,12 @@ def main():
             sys.exit(done.returncode)
         text = done.stdout
     result = json.loads(text)
-    publish(result, options.output)
-    if not options.no_figure:
-        draw(result, options.output)
+    with whole_folder(options.output) as folder:
+        publish(result, folder)
+        if not options.no_figure:
+            draw(result, folder)
     print(options.output)
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

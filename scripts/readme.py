@@ -100,8 +100,10 @@ def tuning(published):
         if same and other:
             rows.append([title, same[2], same[3], *(f"{c[4]} {c[5]}" for c in (same, other)),
                          *other[6:8]])
-    seeds = {r["seed"] for r in load_rows(published / "tuning") if r["layout"] == "tuned"}
-    return aligned(rows) + f"\n\nSeeds {', '.join(map(str, sorted(seeds)))}.\n"
+    seeds = sorted({r["seed"] for r in load_rows(published / "tuning") if r["layout"] == "tuned"})
+    about = (f"Seeds {', '.join(map(str, seeds))}" if len(seeds) > 1
+             else "One seed, whose intervals are over blocks of space alone")
+    return f"{aligned(rows)}\n\n{about}.\n"
 
 
 BUDGET_SCENES = ("two_rooms_door", "thin_wall/scene_05cm")

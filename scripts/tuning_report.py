@@ -61,7 +61,7 @@ class Pairs:
             rows = [self.results.of(self.key(scene, n), seeds) for n in (other, ours)]
             means = [mean([r[error] for r in of]) for of in rows]
             values.append(error_ratio(*means, mean([r["floors"][error] for r in rows[1]])))
-        return geometric_mean([v for v in values if v is not None])
+        return geometric_mean([v for v in values if v is not None and math.isfinite(v)])
 
 
 def against_each(tables, study, probes, lights):

@@ -198,9 +198,10 @@ void checkPieces(const InfluenceGrid& grid, std::size_t voxels, const std::strin
   for (std::size_t v = 0; v < voxels; ++v) {
     const int32_t plane = pieces.plane_of_voxel[v];
     if (plane < 0) continue;
-    if (asSize(plane) >= used.size() || used[asSize(plane)]++ != 0)
-      throwInput("{}: voxel {}: plane {} of {}; a plane divides one voxel", what, v, plane,
-                 used.size());
+    if (asSize(plane) >= used.size())
+      throwInput("{}: voxel {}: plane {} of {}", what, v, plane, used.size());
+    if (used[asSize(plane)]++ != 0)
+      throwInput("{}: voxel {}: plane {} divides another voxel already", what, v, plane);
   }
   for (std::size_t i = 0; i < used.size(); ++i) {
     const Vec4f& f = pieces.planes[i];
@@ -208,6 +209,21 @@ void checkPieces(const InfluenceGrid& grid, std::size_t voxels, const std::strin
     if (used[i] == 0 || !(std::abs(norm - 1) < 1e-3f) || !std::isfinite(f.w))
       throwInput("{}: plane {} must divide a voxel, with a unit normal and a finite offset", what,
                  i);
+  }
+  for (std::size_t v = 0; v < voxels; ++v) {
+    const int32_t plane = pieces.plane_of_voxel[v];
+    if (plane < 0) continue;
+    bool front = false, back = false;
+    for (int k = 0; k < 8; ++k) {
+      const Vec4f& f = pieces.planes[asSize(plane)];
+      const auto corner = static_cast<int>(voxelCorner(grid.corners, v, k));
+      const float side =
+          dot(Vec3f(f.x, f.y, f.z), grid.corners.position(corner) - grid.corners.first) + f.w;
+      front |= side > 0;
+      back |= side < 0;
+    }
+    if (!front || !back)
+      throwInput("{}: voxel {}: its plane {} does not pass through it", what, v, plane);
   }
 }
 

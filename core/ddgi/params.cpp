@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/files.h"
+#include "base/parse_twice.h"
 #include "base/suggest.h"
 #include "ddgi/preset_files.h"
 #include "param_keys.h"
@@ -79,7 +80,7 @@ const EmbeddedFile* findPreset(const std::string& name) {
 
 toml::table parseToml(std::string_view text, const std::string& path) {
   try {
-    return toml::parse(text, path);
+    return parseTwice<toml::parse_error>([&] { return toml::table(toml::parse(text, path)); });
   } catch (const toml::parse_error& e) {
     throwInput("{}:{}: {}", path, e.source().begin.line, e.description());
   }
@@ -88,7 +89,7 @@ toml::table parseToml(std::string_view text, const std::string& path) {
 // A line of TOML; an empty table where it is none.
 toml::table parseValue(const std::string& line) {
   try {
-    return toml::parse(line);
+    return parseTwice<toml::parse_error>([&] { return toml::table(toml::parse(line)); });
   } catch (const toml::parse_error&) {
     return {};
   }

@@ -133,8 +133,10 @@ tinygltf::Model parse(const std::string& file, std::span<const std::byte> bytes,
   // Remarks on what it loads all the same do not count: checkGltfStructure was stricter, and it
   // also complains of valid files, as of skins without inverse bind matrices.
   if (!done) {
-    if (errors.find("bad_alloc") != std::string::npos) throw std::bad_alloc();  // caught in there
     while (!errors.empty() && errors.back() == '\n') errors.pop_back();
+    // Caught in there; the whole of the text, for a file may say the same within it.
+    if (errors == std::bad_alloc().what()) throw std::bad_alloc();
+    if (errors.empty()) errors = "the reader gives no reason; a key has a value of the wrong type";
     throwInput("{}: cannot be parsed: {}", file, printable(errors));
   }
   return model;

@@ -53,7 +53,7 @@ std::string whyIdle(const std::string& name, const Params& params, bool lattice)
     return "trilinear is plain";
   if ((name == "chebyshev_power" || name == "visibility_floor" || name == "variance_bias" ||
        name == "distance_exponent" || name == "distance_clamp" || name == "moment_texels" ||
-       name == "backface_shortening") &&
+       name == "backface_shortening" || name == "parallax") &&
       params.visibility == 0)
     return "visibility is false";
   if (name == "parallax" && params.parallax == 0) return "parallax is 0: start above it";

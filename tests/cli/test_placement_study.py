@@ -148,6 +148,8 @@ class Report(unittest.TestCase):
         self.assertEqual(placement_report.error_ratio(0.2, 0.001, 0.1), 2)
         self.assertEqual(placement_report.error_ratio(0.02, 0.2, 0.1), 0.5)
         self.assertIsNone(placement_report.error_ratio(0.02, 0.03, 0.1))
+        self.assertEqual(placement_report.error_ratio(0.2, 0, 0), float("inf"))
+        self.assertEqual(placement_report.number(float("inf")), "inf")
 
     def test_the_budget_that_meets_an_error(self):
         points = [(64, 0.8), (256, 0.4), (1024, 0.2)]  # error = 6.4 / sqrt(N)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """probelab stability: names of cases, the JSON's fields, a user's own scene."""
+import subprocess
+import sys
 import unittest
 
 from support import CliTest, SOURCE
@@ -86,7 +88,7 @@ class LongRun(CliTest):
     def test_a_run_is_judged_and_its_parts_are_told(self):
         result = self.run_json("stability", SOURCE / "scenes/cornell/scene.toml", "--params",
                                "probelab", "--probes", 8, "--rays", 8, "--count", 64,
-                               "--rel-error", 0.3, "--tracer", "embree", "--long-run", 2100)
+                               "--rel-error", 0.3, "--tracer", "embree", "--long-run", 2000)
         self.assertEqual(result["updates"], 2000)  # 50 parts of 40 samples
         self.assertEqual([b["updates"] for b in result["batches"]], list(range(40, 2001, 40)))
         self.assertEqual([c["id"] for c in result["cases"]],
@@ -98,6 +100,24 @@ class LongRun(CliTest):
         self.assert_refused("stability", "--long-run", 5000, words=("--long-run needs a SCENE",))
         self.assert_refused("stability", SOURCE / "scenes/cornell/scene.toml", "--long-run", 1999,
                             words=("--long-run", "2000"))
+        self.assert_refused("stability", SOURCE / "scenes/cornell/scene.toml", "--long-run", 2100,
+                            words=("--long-run 2100", "ask for 4000"))
+
+
+class Scripts(CliTest):
+    def test_rows_that_are_none_leave_what_was_published(self):
+        (self.folder / "rows.csv").write_text("published\n")
+        for name, text in (("none.json", None), ("empty.json", ""), ("other.json", "{}"),
+                           ("part.json", '{"curves": [{"id": "wall.classic"}]}')):
+            if text is not None:
+                (self.folder / name).write_text(text)
+            done = subprocess.run(
+                [sys.executable, "-B", SOURCE / "scripts/precision.py", "--no-figure", "--rows",
+                 self.folder / name, "-o", self.folder], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 2, name)
+            self.assertRegex(done.stderr, r"^precision: .+\n$")
+            self.assertEqual((self.folder / "rows.csv").read_text(), "published\n")
+            self.assertFalse((self.folder / "manifest.json").exists())
 
 
 if __name__ == "__main__":

@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
+#include <string>
 
 #include "ddgi/influence.h"
 #include "base/error.h"
@@ -88,7 +90,8 @@ TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
     for (int i = 0; i < 3000; ++i) {
       const float side = i % 2 == 0 ? -1.0f : 1.0f;
       const float off = 0.5f * wall_m + 0.001f + 0.8f * rng.nextFloat() * rng.nextFloat();
-      const Vec3f p(middle + side * off, 0.02f + 2.96f * rng.nextFloat(), 0.02f + 2.96f * rng.nextFloat());
+      const float y = 0.02f + 2.96f * rng.nextFloat(), z = 0.02f + 2.96f * rng.nextFloat();
+      const Vec3f p(middle + side * off, y, z);
       double other = 0;
       for (const auto& [probe, share] : sharesAt(layout.influence, p))
         if ((layout.positions[probe].x - middle) * side < 0) other += share;
@@ -97,6 +100,75 @@ TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
   }
   EXPECT_GT(behind[0], 0.3);
   EXPECT_EQ(behind[1], 0);
+}
+
+// A wall anywhere in a voxel, also a few thousandths of it from a face, where the free space of a
+// voxel on one side is a sliver.
+TEST(WallPieces, SliversBesideAWallBelongToTheirOwnSide) {
+  float voxel = 0;
+  for (const float share : {0.002f, 0.005f, 0.02f, 0.05f, 0.5f, 0.95f, 0.98f, 0.995f, 0.998f}) {
+    const auto layoutWith = [&](float wall_m, float middle) {
+      Place place(dividedRooms(wall_m, middle, false));
+      const PlacementInput input = place.input(40);
+      return layoutOf(place, somePlaces(FreeSpace(input), 40), "on");
+    };
+    const Lattice corners = layoutWith(0.5f, 0.17f).influence.corners;
+    voxel = corners.spacing.x;
+    // The wall's right face lies that share of a voxel beyond a face of the voxels.
+    const int near = static_cast<int>((0.4f - corners.first.x) / voxel);
+    const float right = corners.first.x + (static_cast<float>(near) + share) * voxel;
+    const float wall_m = 0.5f, middle = right - 0.5f * wall_m;
+    const ProbeLayout layout = layoutWith(wall_m, middle);
+    ASSERT_EQ(layout.influence.corners.spacing.x, voxel);
+    Rng rng(6, RngStream::test);
+    for (int i = 0; i < 2000; ++i) {
+      const float side = i % 2 == 0 ? -1.0f : 1.0f;
+      const float off = 0.5f * wall_m + 1e-4f + 0.05f * rng.nextFloat() * rng.nextFloat();
+      const float y = 0.02f + 2.96f * rng.nextFloat(), z = 0.02f + 2.96f * rng.nextFloat();
+      const Vec3f p(middle + side * off, y, z);
+      for (const auto& [probe, weight] : sharesAt(layout.influence, p))
+        ASSERT_TRUE((layout.positions[probe].x - middle) * side > 0 || weight == 0)
+            << "share " << share << ", " << off << " m from the middle, side " << side;
+    }
+  }
+}
+
+TEST(WallPieces, DamagedPlanesAreRefused) {
+  Place place(dividedRooms(0.05f, 0.17f, false));
+  const PlacementInput input = place.input(40);
+  const InfluenceGrid good =
+      layoutOf(place, somePlaces(FreeSpace(input), 40), "on").influence;
+  ASSERT_GT(good.pieces.planes.size(), 1u);
+  EXPECT_NO_THROW(validateInfluence(good, 40, "grid"));
+  const auto message = [&](const auto& damage) -> std::string {
+    InfluenceGrid grid = good;
+    damage(grid.pieces);
+    try {
+      validateInfluence(grid, 40, "grid");
+    } catch (const InputError& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  const auto has = [](const std::string& text, const char* part) {
+    return text.find(part) != std::string::npos ? ::testing::AssertionSuccess()
+                                                : ::testing::AssertionFailure() << text;
+  };
+  for (const float offset : {1e6f, -1e6f, 3e38f})
+    EXPECT_TRUE(has(message([&](VoxelPieces& p) { p.planes[1].w = offset; }), "does not pass"));
+  for (const float offset : {std::numeric_limits<float>::infinity(),
+                             std::numeric_limits<float>::quiet_NaN()})
+    EXPECT_TRUE(has(message([&](VoxelPieces& p) { p.planes[1].w = offset; }), "plane 1 must"));
+  EXPECT_TRUE(has(message([](VoxelPieces& p) { p.planes[0] = Vec4f(2, 0, 0, 0); }), "a unit"));
+  const auto divided = static_cast<std::size_t>(
+      std::ranges::find(good.pieces.plane_of_voxel, 1) - good.pieces.plane_of_voxel.begin());
+  EXPECT_TRUE(has(message([&](VoxelPieces& p) { p.plane_of_voxel[divided] = 0; }),
+                  "already"));
+  EXPECT_TRUE(has(message([&](VoxelPieces& p) { p.plane_of_voxel[divided] = 100000; }),
+                  "plane 100000 of"));
+  EXPECT_TRUE(has(message([&](VoxelPieces& p) { p.plane_of_voxel[divided] = -1; }),
+                  "plane 1 must divide"));
+  EXPECT_TRUE(has(message([](VoxelPieces& p) { p.plane_of_voxel.pop_back(); }), "planes of voxels"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Walls, DividedVoxels,
