@@ -94,7 +94,7 @@ AblationRow readRow(const toml::table& table, const std::string& path) {
 Ablation readAblation(std::string_view text, const std::string& path) {
   toml::table table;
   try {
-    table = parseTwice<toml::parse_error>([&] { return toml::table(toml::parse(text, path)); });
+    table = parseTwice<toml::parse_error>([&] { return toml::parse(text, path); });
   } catch (const toml::parse_error& e) {
     throwInput("{}:{}: {}", path, e.source().begin.line, e.description());
   }

@@ -257,11 +257,10 @@ void addStabilityCommand(Program& program) {
   const std::size_t before = app.get_options().size();
   app.add_option("--long-run", options->long_run,
                  fmt::format("so many updates with hysteresis instead of the cases (a multiple of "
-                             "{}): "
-                             "memory, drift from the converged field, stalls",
-                             kLeastLongRun))
+                             "{}): memory, drift from the converged field, stalls",
+                             kLongRunStep))
       ->type_name("N")
-      ->check(CLI::Range(kLeastLongRun, 1000000000).description(""))
+      ->check(CLI::Range(kLongRunStep, 1000000000).description(""))
       ->excludes(app.get_option("--case"))
       ->group("With a SCENE");
   app.add_option("--state", scene.scene.state, "lighting state of SCENE (default: its first)")

@@ -272,11 +272,11 @@ std::vector<LongRow> judgeLongRun(const LongNumbers& n) {
 }
 
 Json runLongRun(const SceneStabilityOptions& options, int updates, const Invocation& invocation) {
-  constexpr int kStep = kBatches * kSamples;
-  if (updates % kStep != 0)
+  static_assert(kLongRunStep == kBatches * kSamples);
+  if (updates % kLongRunStep != 0)
     throwInput("--long-run {}: batches and their samples are equally long in multiples of {} only: "
                "ask for {}",
-               updates, kStep, (updates / kStep + 1) * kStep);
+               updates, kLongRunStep, (updates / kLongRunStep + 1) * kLongRunStep);
   SceneSetup setup(options.scene, invocation);
   const Params params = resolveParams(options.field);
   const Receivers receivers =

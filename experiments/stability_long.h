@@ -13,7 +13,7 @@
 
 namespace probelab {
 
-constexpr int kLeastLongRun = 2000;  // updates: below, there is too little to judge
+constexpr int kLongRunStep = 2000;  // updates: a run is a multiple, so that its parts are equal
 
 // What was seen over a part of the run; the parts are equally long.
 struct LongBatch {

@@ -288,7 +288,7 @@ StudyPlan readStudyPlan(const fs::path& path, const StudySelection& selection) {
   try {
     const std::string text = readTextFile(path);
     table = parseTwice<toml::parse_error>(
-        [&] { return toml::table(toml::parse(text, path.string())); });
+        [&] { return toml::parse(text, path.string()); });
   } catch (const toml::parse_error& error) {
     throwInput("{}:{}: {}", path.string(), error.source().begin.line, error.description());
   }

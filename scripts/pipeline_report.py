@@ -26,8 +26,8 @@ def number(value, digits=3):
 
 
 def geometric_mean(values):
-    """None if there is nothing to average, or a value is not above 0."""
-    values = [v for v in values if v is not None]
+    """Of what exists and is finite. None if that is nothing, or a value is not above 0."""
+    values = [v for v in values if v is not None and math.isfinite(v)]
     if not values or min(values) <= 0:
         return None
     return math.exp(sum(map(math.log, values)) / len(values))

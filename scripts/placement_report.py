@@ -81,8 +81,7 @@ class Tables:
             return None, None
 
         def middle_of(name):
-            found = [f[name] for f in counted.values()]
-            return number(geometric_mean([v for v in found if v is None or math.isfinite(v)]))
+            return number(geometric_mean([f[name] for f in counted.values()]))
 
         def least(name):
             scene = min(counted, key=lambda s: counted[s][name])
@@ -266,7 +265,7 @@ def comparison_sections(tables):
             "nrmse^2; best baseline: the one with the least of it in this very column. Ratios are "
             "baseline over ours, above 1 where ours is better; 95 %: paired bootstrap over blocks "
             "and seeds. light leak, smape: means, a leak below the truth's noise counts as that "
-            f"noise, - where both are.{without}")
+            f"noise, - where both are, inf (left out of the means) where ours has none.{without}")
     return parts
 
 

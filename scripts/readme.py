@@ -62,12 +62,16 @@ def pipeline_presets(published):
 LAYOUTS = {"optimized": "`optimized`", "optimized_static": "`optimized`, `lights=own`"}
 
 
+def summary(path):
+    """The first table of a report: {(name, N, lights): cells}."""
+    lines = [[c.strip() for c in line.strip("|").split("|")]
+             for line in path.read_text().splitlines()]
+    return {(c[0], int(c[2]), c[1]): c for c in lines if len(c) == 10 and c[2].isdigit()}
+
+
 def placement(published):
     """The summary of placement.md, a row a layout and budget."""
-    text = (published / "placement" / "placement.md").read_text()
-    lines = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines()
-             if line.startswith("| optimized")]
-    found = {(c[0], int(c[2]), c[1]): c for c in lines if c[1].endswith("lights")}
+    found = summary(published / "placement" / "placement.md")
     rows = [["layout", "N", "scenes", "lights it was trained under", "lights it never saw"]]
     for name, title in LAYOUTS.items():
         for probes in sorted({key[1] for key in found}):
@@ -91,12 +95,11 @@ SETTINGS = {"probelab": "`probelab`", "tuned": "tuned on the scene",
 
 def tuning(published):
     """The summary of tuning.md, a row a setting."""
-    text = (published / "tuning" / "tuning.md").read_text()
-    lines = [[c.strip() for c in line.strip("|").split("|")] for line in text.splitlines()]
-    found = {(c[0], c[1]): c for c in lines if len(c) == 10 and c[1].endswith("lights")}
+    found = summary(published / "tuning" / "tuning.md")
     rows = [["parameters", "N", "scenes", "lights tuned on", "other lights", "light leak", "smape"]]
-    for name, title in SETTINGS.items():
-        same, other = found.get((name, "same lights")), found.get((name, "held-out lights"))
+    budgets = sorted({probes for _, probes, _ in found})
+    for name, title, probes in ((*s, n) for s in SETTINGS.items() for n in budgets):
+        same, other = (found.get((name, probes, f"{l} lights")) for l in ("same", "held-out"))
         if same and other:
             rows.append([title, same[2], same[3], *(f"{c[4]} {c[5]}" for c in (same, other)),
                          *other[6:8]])

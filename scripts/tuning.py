@@ -118,7 +118,8 @@ class TuningStudy(Runner):
             words.append("--leave-one-out")
         self.run("tune", *scenes, "-o", os.path.relpath(folder / "tuned.toml"),
                  "--strategy", self.study["strategy"], "--probes", probes,
-                 *start_words(self.study), "--rays", self.study["rays"], "--updates", self.study["updates"],
+                 *start_words(self.study), "--rays", self.study["rays"],
+                 "--updates", self.study["updates"],
                  "--count", self.study["receivers"], "--rel-error", self.study["rel_error"],
                  "--seed", seed, "--report", os.path.relpath(folder), *words)
         result = json.loads((folder / "tune.json").read_text())

@@ -61,7 +61,7 @@ class Pairs:
             rows = [self.results.of(self.key(scene, n), seeds) for n in (other, ours)]
             means = [mean([r[error] for r in of]) for of in rows]
             values.append(error_ratio(*means, mean([r["floors"][error] for r in rows[1]])))
-        return geometric_mean([v for v in values if v is not None and math.isfinite(v)])
+        return geometric_mean(values)
 
 
 def against_each(tables, study, probes, lights):
@@ -177,8 +177,9 @@ def best_sections(tables):
                 table, row = tables.comparison(ours, probes, lights)
                 if table:
                     summary.append(row)
-                    parts += [f"## {ours} ({ABOUT.get(ours, 'as shipped')}) against the best published preset: "
-                              f"{title}, N = {probes}", aligned(table, 1)]
+                    about = ABOUT.get(ours, "as shipped")
+                    parts += [f"## {ours} ({about}) against the best published preset: {title}, "
+                              f"N = {probes}", aligned(table, 1)]
     if not parts:
         return []
     without = f" Left out of the means: {', '.join(tables.null)}." if tables.null else ""
@@ -188,7 +189,8 @@ def best_sections(tables):
             "best: the preset with the least of it in this very scene. Ratios are the preset's over "
             "ours, above 1 where ours is better; 95 %: paired bootstrap over blocks and seeds. "
             "light leak, shadow leak, smape: of means, a leak below the truth's noise counts as "
-            f"that noise, - where both are.{without}", *parts]
+            f"that noise, - where both are, inf (left out of the means) where ours has none.{without}",
+            *parts]
 
 
 def report(study, rows, failures=()):

@@ -24,14 +24,12 @@ def run_main(main):
     try:
         main()
     except ImportError as error:
-        sys.exit(fail(name, f"{error}; Debian: python3-matplotlib, or --no-figure"))
+        text = f"{error}; Debian: python3-matplotlib, or --no-figure"
     except OSError as error:
-        sys.exit(fail(name, error))
+        text = error
     except (ValueError, LookupError, TypeError) as error:
-        sys.exit(fail(name, f"the results are not what the command prints: "
-                            f"{type(error).__name__}: {error}"))
-
-
-def fail(name, text):
+        text = f"the results are not what the command prints: {type(error).__name__}: {error}"
+    else:
+        return
     print(f"{name}: {text}", file=sys.stderr)
-    return 2
+    sys.exit(2)

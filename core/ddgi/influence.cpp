@@ -169,6 +169,11 @@ uint64_t hashShare(uint32_t probe, uint8_t weight) {
   return h ^ (h >> 31);
 }
 
+// Above 0 before a voxel's plane, below 0 behind it.
+float sideOf(const Lattice& corners, const Vec4f& plane, const Vec3f& p) {
+  return dot(Vec3f(plane.x, plane.y, plane.z), p - corners.first) + plane.w;
+}
+
 // Every piece must have a probe at each corner. Without walls every voxel must say the same of a
 // corner that it shares, or the weights would jump between them; compared by sums of hashes.
 void checkCornersAgree(const InfluenceGrid& grid, const std::string& what) {
@@ -215,10 +220,8 @@ void checkPieces(const InfluenceGrid& grid, std::size_t voxels, const std::strin
     if (plane < 0) continue;
     bool front = false, back = false;
     for (int k = 0; k < 8; ++k) {
-      const Vec4f& f = pieces.planes[asSize(plane)];
       const auto corner = static_cast<int>(voxelCorner(grid.corners, v, k));
-      const float side =
-          dot(Vec3f(f.x, f.y, f.z), grid.corners.position(corner) - grid.corners.first) + f.w;
+      const float side = sideOf(grid.corners, pieces.planes[asSize(plane)], grid.corners.position(corner));
       front |= side > 0;
       back |= side < 0;
     }
@@ -280,8 +283,7 @@ VoxelPlace voxelAt(const Lattice& corners, const VoxelPieces& pieces, const Vec3
   place.piece = place.voxel;
   const int32_t plane = pieces.any() ? pieces.plane_of_voxel[place.voxel] : -1;
   if (plane < 0) return place;
-  const Vec4f& f = pieces.planes[asSize(plane)];
-  if (dot(Vec3f(f.x, f.y, f.z), p - corners.first) + f.w < 0)
+  if (sideOf(corners, pieces.planes[asSize(plane)], p) < 0)
     place.piece = pieces.plane_of_voxel.size() + asSize(plane);
   return place;
 }

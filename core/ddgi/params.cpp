@@ -80,7 +80,7 @@ const EmbeddedFile* findPreset(const std::string& name) {
 
 toml::table parseToml(std::string_view text, const std::string& path) {
   try {
-    return parseTwice<toml::parse_error>([&] { return toml::table(toml::parse(text, path)); });
+    return parseTwice<toml::parse_error>([&] { return toml::parse(text, path); });
   } catch (const toml::parse_error& e) {
     throwInput("{}:{}: {}", path, e.source().begin.line, e.description());
   }
@@ -89,7 +89,7 @@ toml::table parseToml(std::string_view text, const std::string& path) {
 // A line of TOML; an empty table where it is none.
 toml::table parseValue(const std::string& line) {
   try {
-    return parseTwice<toml::parse_error>([&] { return toml::table(toml::parse(line)); });
+    return parseTwice<toml::parse_error>([&] { return toml::parse(line); });
   } catch (const toml::parse_error&) {
     return {};
   }

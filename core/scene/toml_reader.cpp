@@ -12,7 +12,7 @@ namespace probelab {
 
 toml::table parseToml(const std::string& file, const std::string& text) {
   try {
-    return parseTwice<toml::parse_error>([&] { return toml::table(toml::parse(text, file)); });
+    return parseTwice<toml::parse_error>([&] { return toml::parse(text, file); });
   } catch (const toml::parse_error& e) {
     throwInput("{}:{}: is not valid TOML: {}", file, e.source().begin.line,
                printable(std::string(e.description())));

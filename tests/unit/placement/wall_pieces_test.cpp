@@ -105,20 +105,20 @@ TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
 // A wall anywhere in a voxel, also a few thousandths of it from a face, where the free space of a
 // voxel on one side is a sliver.
 TEST(WallPieces, SliversBesideAWallBelongToTheirOwnSide) {
-  float voxel = 0;
+  const float wall_m = 0.5f;
+  const auto layoutWith = [&](float middle) {
+    Place place(dividedRooms(wall_m, middle, false));
+    const PlacementInput input = place.input(40);
+    return layoutOf(place, somePlaces(FreeSpace(input), 40), "on");
+  };
+  const Lattice corners = layoutWith(0.17f).influence.corners;
+  const float voxel = corners.spacing.x;
+  const int near = static_cast<int>((0.4f - corners.first.x) / voxel);
   for (const float share : {0.002f, 0.005f, 0.02f, 0.05f, 0.5f, 0.95f, 0.98f, 0.995f, 0.998f}) {
-    const auto layoutWith = [&](float wall_m, float middle) {
-      Place place(dividedRooms(wall_m, middle, false));
-      const PlacementInput input = place.input(40);
-      return layoutOf(place, somePlaces(FreeSpace(input), 40), "on");
-    };
-    const Lattice corners = layoutWith(0.5f, 0.17f).influence.corners;
-    voxel = corners.spacing.x;
     // The wall's right face lies that share of a voxel beyond a face of the voxels.
-    const int near = static_cast<int>((0.4f - corners.first.x) / voxel);
     const float right = corners.first.x + (static_cast<float>(near) + share) * voxel;
-    const float wall_m = 0.5f, middle = right - 0.5f * wall_m;
-    const ProbeLayout layout = layoutWith(wall_m, middle);
+    const float middle = right - 0.5f * wall_m;
+    const ProbeLayout layout = layoutWith(middle);
     ASSERT_EQ(layout.influence.corners.spacing.x, voxel);
     Rng rng(6, RngStream::test);
     for (int i = 0; i < 2000; ++i) {
