@@ -34,6 +34,14 @@ class AblationTest(CliTest):
 
 
 class Rows(AblationTest):
+    def test_every_part_can_be_left_out_with_parallax_too(self):
+        for preset in ("rtxgi", "probelab"):  # without and with a fallback that looks at distances
+            result = self.evaluate("--ablation", "drop_one", "--params", preset,
+                                   "--set", "parallax=0.5")
+            rows = {row["row"]: row for row in result["ablation"]}
+            self.assertLess(rows["no visibility"]["memory"]["atlas_per_probe"],
+                            rows["base"]["memory"]["atlas_per_probe"], preset)
+
     def test_a_row_is_the_run_with_its_settings(self):
         result, rows, skipped = self.ablate(
             '[[row]]\nname = "blind"\nset = ["visibility=false"]\n'

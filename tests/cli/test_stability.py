@@ -4,7 +4,7 @@ import subprocess
 import sys
 import unittest
 
-from support import CliTest, SOURCE
+from support import CliTest, SOURCE, write_glb
 
 FIELDS = {"id", "case", "tracer", "format", "expectation", "measured", "verdict"}
 
@@ -102,6 +102,16 @@ class LongRun(CliTest):
                             words=("--long-run", "2000"))
         self.assert_refused("stability", SOURCE / "scenes/cornell/scene.toml", "--long-run", 2100,
                             words=("--long-run 2100", "ask for 4000"))
+        self.assert_refused("stability", SOURCE / "scenes/cornell/scene.toml", "--long-run", 2000,
+                            "--updates", 5, words=("--long-run excludes --updates",))
+
+    def test_it_needs_light(self):
+        write_glb(self.folder / "room.glb")  # nothing in it shines
+        done = self.run_program("stability", "room.glb", "--probes", 8, "--rays", 8, "--count", 64,
+                                "--rel-error", 0.3, "--tracer", "embree", "--long-run", 2000,
+                                "--quiet")
+        self.assertEqual((done.returncode, done.stdout), (2, ""))
+        self.assertRegex(done.stderr, r"^probelab: room\.glb: no light arrives .+ --state\n$")
 
 
 class Scripts(CliTest):
