@@ -17,11 +17,13 @@
 #include "commands.h"
 #include "ddgi/layout_file.h"
 #include "device.h"
+#include "drawn_lights.h"
 #include "evaluation.h"
 #include "field_setup.h"
 #include "help.h"
 #include "layout_json.h"
 #include "layout_source.h"
+#include "placement/lighting.h"
 #include "placement/report.h"
 #include "placement/strategy.h"
 #include "probes_glb.h"
@@ -41,6 +43,7 @@ struct PlaceOptions {
   TruthOptions truth;
   std::string output, glb;
   std::optional<double> max_nrmse;
+  int drawn_lights = 0;  // that the layout is also scored under
   CLI::Option* probes = nullptr;  // to tell whether it was given
 };
 
@@ -82,6 +85,7 @@ struct Placed {
   Provenance provenance;
   Json report;
   Json search = nullptr;  // of --max-nrmse
+  Json drawn = nullptr;   // of --drawn-lights
 };
 
 Json spreadJson(const Spread& spread) {
@@ -106,6 +110,13 @@ Json reportJson(const ProbeLayout& layout, const PlacementScene& of, uint64_t se
           {"clearance_m", report.has_clearance ? spreadJson(report.clearance_m) : Json(nullptr)},
           {"spacing_m", spreadJson(report.spacing_m)},
           {"reached", reached}};
+}
+
+Json drawnJson(const PlaceOptions& options, const PlacementScene& of, const ProbeLayout& layout,
+               const Params& params, const Invocation& invocation) {
+  if (options.drawn_lights == 0) return nullptr;
+  note(invocation, "scoring under {} drawn lights", options.drawn_lights);
+  return toJson(scoreDrawnLights(of, layout, params, options.drawn_lights, invocation.common.seed));
 }
 
 // One budget of the search.
@@ -185,13 +196,14 @@ Placed placeByError(const PlaceOptions& options, const Params& params,
   if (search.probes == 0) throwInput("{}", refusal);
   requireNoValidationMessages(setup.gpu);
   const Trial& best = trials.at(search.probes);
+  const PlacementScene of{setup.scene, setup.embree, setup.reachability};
   return {setup.scene,
           best.layout,
           best.active,
           setup.provenance,
-          reportJson(best.layout, {setup.scene, setup.embree, setup.reachability},
-                     invocation.common.seed),
-          searchJson(search, trials, *options.max_nrmse)};
+          reportJson(best.layout, of, invocation.common.seed),
+          searchJson(search, trials, *options.max_nrmse),
+          drawnJson(options, of, best.layout, params, invocation)};
 }
 
 // Classification needs a device; without it all probes are active.
@@ -221,6 +233,7 @@ Placed placeBudget(const PlaceOptions& options, const Params& params,
   progress.finish();
   validateLayout(placed.layout, params);
   placed.report = reportJson(placed.layout, of, invocation.common.seed);
+  placed.drawn = drawnJson(options, of, placed.layout, params, invocation);
   if (!options.glb.empty())
     placed.active = activeProbes(placed.layout, params, of, placed.provenance, invocation);
   return placed;
@@ -245,6 +258,16 @@ std::string formatSpread(const Json& spread) {
                      of("p95"), of("max"));
 }
 
+std::string formatDrawn(const Json& drawn) {
+  std::vector<double> errors;
+  for (const Json& light : drawn["each"]) errors.push_back(light["nrmse"].get<double>());
+  std::ranges::sort(errors);
+  return fmt::format("nrmse {} under {} (least {}, median {}, most {}), {} held-out receivers",
+                     formatError(drawn["nrmse"]), errors.size(), formatNumber(errors.front()),
+                     formatNumber(errors[errors.size() / 2]), formatNumber(errors.back()),
+                     drawn["receivers"].dump());
+}
+
 std::string formatReached(const Json& reached) {
   std::string text;
   for (const auto& [count, share] : reached.items()) {
@@ -256,17 +279,21 @@ std::string formatReached(const Json& reached) {
 
 void printResult(const Json& r) {
   const Json& layout = r["layout"];
-  fmt::print("{}", formatFields({{"scene", fmt::format("{}, {}", r["scene"].get<std::string>(),
-                                                       r["state"].get<std::string>())},
-                                 {"probes", formatLayout(r)},
-                                 {"options", formatOptions(layout["options"])},
-                                 {"in solid geometry", r["report"]["inside_geometry"].dump()},
-                                 {"clearance", formatSpread(r["report"]["clearance_m"])},
-                                 {"spacing", formatSpread(r["report"]["spacing_m"])},
-                                 {"receivers reached", formatReached(r["report"]["reached"])},
-                                 {"index", formatBytes(layout["index_bytes"].get<double>())},
-                                 {"built in", formatNumber(layout["build_s"].get<double>()) + " s"},
-                                 {"evaluations", layout["evaluations"].dump()}}));
+  std::vector<std::pair<std::string, std::string>> fields = {
+      {"scene",
+       fmt::format("{}, {}", r["scene"].get<std::string>(), r["state"].get<std::string>())},
+      {"probes", formatLayout(r)},
+      {"options", formatOptions(layout["options"])},
+      {"in solid geometry", r["report"]["inside_geometry"].dump()},
+      {"clearance", formatSpread(r["report"]["clearance_m"])},
+      {"spacing", formatSpread(r["report"]["spacing_m"])},
+      {"receivers reached", formatReached(r["report"]["reached"])},
+      {"index", formatBytes(layout["index_bytes"].get<double>())},
+      {"built in", formatNumber(layout["build_s"].get<double>()) + " s"},
+      {"evaluations", layout["evaluations"].dump()}};
+  if (!r["drawn_lights"].is_null())
+    fields.emplace_back("drawn lights", formatDrawn(r["drawn_lights"]));
+  fmt::print("{}", formatFields(fields));
   const Json& search = r["search"];
   if (search.is_null()) return;
   fmt::print("\n{}\n", formatSearch(search));
@@ -299,6 +326,7 @@ Json outlineOf() {
           {"layout", layoutJson(ProbeLayout{})},
           {"report", Json::object()},
           {"search", Json::object()},
+          {"drawn_lights", Json::object()},
           {"seed", 0}};
 }
 
@@ -345,6 +373,7 @@ void runPlace(const PlaceOptions& options, const Invocation& invocation) {
                  {"report", placed.report},
                  {"params", params.name},
                  {"search", placed.search},
+                 {"drawn_lights", placed.drawn},
                  {"seed", placed.layout.seed},
                  {"version", buildInfo().version},
                  {"provenance", toJson(placed.provenance)}};
@@ -379,6 +408,13 @@ void addPlaceCommand(Program& program) {
                              kDefaultLimit))
       ->type_name("E")
       ->check(checkPositive)
+      ->group("Probes");
+  app.add_option("--drawn-lights", options->drawn_lights,
+                 "also score the layout under so many lamps, suns and skies drawn from the scene, "
+                 "which no strategy saw, at held-out receivers: how it answers light that may be "
+                 "anywhere")
+      ->type_name("N")
+      ->check(CLI::Range(1, static_cast<int>(kMostStates)).description(""))
       ->group("Probes");
   addParamsOptions(app, options->field);
   app.add_option(

@@ -27,6 +27,7 @@ from placement_rows import load_rows
 
 PARTS = ["main", "curves", "retraining"]
 KEY = ["scene", "layout", "probes", "layout_seed", "state", "seed", "settings"]
+DRAWN = "drawn"  # lights drawn from the scene: one run of `place` scores a layout under them all
 ERRORS = ["nrmse", "smape", "bias", "light_leak", "shadow_leak", "dark_leak"]
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 BLOCKS_PER_DIAGONAL = 16  # as the train and held-out blocks
@@ -71,13 +72,14 @@ def plan(study, parts):
     by_name = {row["name"]: row for row in study["layout"]}
     cells = {}
 
-    def add(scene, name, probes, layout_seed, seed):
-        if name not in by_name:
-            return
+    def add_run(scene, name, probes, layout_seed, run):
         runs = cells.setdefault((layout_seed, probes, scene, name), [])
-        for state, lights in lighting_states(scene).items():
-            if (state, lights, seed) not in runs:
-                runs.append((state, lights, seed))
+        if run not in runs:
+            runs.append(run)
+
+    def add(scene, name, probes, layout_seed, seed):
+        for state, lights in lighting_states(scene).items() if name in by_name else ():
+            add_run(scene, name, probes, layout_seed, (state, lights, seed))
 
     if "main" in parts:
         for seed in study["seeds"]:
@@ -85,6 +87,8 @@ def plan(study, parts):
                 for scene in study["scenes"]:
                     for name in by_name:
                         add(scene, name, probes, seed, seed)
+                        if study.get("drawn_lights"):
+                            add_run(scene, name, probes, seed, (DRAWN, DRAWN, seed))
     curves = study.get("curves")
     if curves and "curves" in parts:
         for seed in curves["seeds"]:
@@ -101,6 +105,13 @@ def plan(study, parts):
                         add(scene, name, probes, seed, study["seeds"][0])
     return [{"scene": scene, "layout": by_name[name], "probes": probes, "layout_seed": seed,
              "runs": runs} for (seed, probes, scene, name), runs in cells.items()]
+
+
+def squares_of(drawn):
+    """The drawn lights' part of the mean squared error, by light; they sum to nrmse^2."""
+    each = drawn["each"]
+    return {f"{i} {light['kind']}": float(f"{light['nrmse'] ** 2 / len(each):.4g}")
+            for i, light in enumerate(each)}
 
 
 class Failed(Exception):
@@ -190,7 +201,10 @@ class Study:
             for state, lights, seed in group["runs"]:
                 if self.stopping:
                     return
-                self.evaluate(group, name, layout, bounds, placed, state, lights, seed)
+                if lights == DRAWN:
+                    self.keep(self.drawn_row(group, placed, seed))
+                else:
+                    self.evaluate(group, name, layout, bounds, placed, state, lights, seed)
         except Failed as failure:
             self.failures[name] = str(failure)
         with self.lock:
@@ -206,19 +220,36 @@ class Study:
                           "--receivers", self.truth(group["scene"], state, seed),
                           "--dump", os.path.relpath(dump))
         error = result["error"]
-        row = {**cell, "strategy": result["strategy"],
-               "options": group["layout"].get("options", []),
-               **{k: error[k] for k in ERRORS}, "floors": {k: error["noise_floor"][k] for k in ERRORS},
-               "stored": result["probes"]["stored"], "active": result["probes"]["active"],
-               "interpolant": placed["layout"]["interpolant"],
-               "index_bytes": placed["layout"]["index_bytes"],
-               "evaluations": placed["layout"]["evaluations"],
-               "build_s": placed["layout"]["build_s"],
-               "query_ns": result["speed"]["query_ns_per_point"],
-               "update_ms": result["speed"]["update_ms"], "memory": result["memory"],
-               "jobs": self.jobs, "device": result["device"], "tracer": result["tracer"],
-               "version": result["version"], "blocks": block_errors(dump, bounds)}
+        self.keep({**cell, **self.layout_part(group, placed),
+                   **{k: error[k] for k in ERRORS},
+                   "floors": {k: error["noise_floor"][k] for k in ERRORS},
+                   "active": result["probes"]["active"],
+                   "query_ns": result["speed"]["query_ns_per_point"],
+                   "update_ms": result["speed"]["update_ms"], "memory": result["memory"],
+                   "device": result["device"], "tracer": result["tracer"],
+                   "version": result["version"], "blocks": block_errors(dump, bounds)})
         dump.unlink()
+
+    def layout_part(self, group, placed):
+        """What all rows of a layout say of it."""
+        layout = placed["layout"]
+        return {"strategy": placed["strategy"], "options": group["layout"].get("options", []),
+                "stored": placed["probes"]["stored"], "jobs": self.jobs,
+                **{k: layout[k] for k in ("interpolant", "index_bytes", "evaluations", "build_s")}}
+
+    def drawn_options(self, group):
+        """Nothing that takes time for runs that do not ask for it."""
+        wanted = any(lights == DRAWN for _, lights, _ in group["runs"])
+        return ["--drawn-lights", self.study["drawn_lights"]] if wanted else []
+
+    def drawn_row(self, group, placed, seed):
+        """The row of a layout under drawn lights, which `place` scores without a device."""
+        drawn = placed["drawn_lights"]
+        return {**self.cell(group, DRAWN, DRAWN, seed), **self.layout_part(group, placed),
+                **{k: drawn.get(k) for k in ERRORS}, "floors": {k: 0.0 for k in ERRORS},
+                "version": placed["version"], "blocks": squares_of(drawn)}
+
+    def keep(self, row):
         with self.lock:
             with open(self.folder / "rows.jsonl", "a") as file:
                 file.write(json.dumps(row, separators=(",", ":")) + "\n")

@@ -6,7 +6,7 @@ import statistics
 from pipeline_report import aligned, geometric_mean, mean, number
 from placement_rows import Results, paired_ratios, percentiles
 
-LIGHTS = {"heldout": "held-out lights", "same": "same lights"}
+LIGHTS = {"heldout": "held-out lights", "drawn": "drawn lights", "same": "same lights"}
 
 
 def interval(low_high):
@@ -166,12 +166,12 @@ class Tables:
         for row in self.results.rows:
             by.setdefault((row["layout"], row["probes"]), []).append(row)
         grid = {(r["scene"], r["probes"], r["state"], r["seed"]): r["query_ns"]
-                for r in self.results.rows if r["layout"] == "grid"}
+                for r in self.results.rows if r["layout"] == "grid" and "query_ns" in r}
         shown = [k for k in by if k[1] in self.study["probes"] or k[0] in self.ours]
         for name, n in sorted(shown, key=lambda k: (k[1], self.names.index(k[0])
                                                  if k[0] in self.names else 99)):
             rows = by[name, n]
-            ratios = [r["query_ns"] / grid[key] for r in rows
+            ratios = [r["query_ns"] / grid[key] for r in rows if "query_ns" in r
                       if (key := (r["scene"], r["probes"], r["state"], r["seed"])) in grid]
             table.append([name, str(n), "/".join(sorted({r["interpolant"] for r in rows})),
                           number(statistics.median(r["build_s"] for r in rows)),
@@ -237,7 +237,7 @@ def meets(points, error):
 
 def provenance(study, rows):
     def distinct(key):
-        return ", ".join(sorted({str(r[key]) for r in rows}))
+        return ", ".join(sorted({str(r[key]) for r in rows if key in r}))
     return (f"Device {distinct('device')}, tracer {distinct('tracer')}, version "
             f"{distinct('version')}; {rows[0]['settings']}; {distinct('jobs')} commands at a time; "
             f"receiver and layout seeds {distinct('seed')}.")
@@ -265,7 +265,11 @@ def comparison_sections(tables):
             "nrmse^2; best baseline: the one with the least of it in this very column. Ratios are "
             "baseline over ours, above 1 where ours is better; 95 %: paired bootstrap over blocks "
             "and seeds. light leak, smape: means, a leak below the truth's noise counts as that "
-            f"noise, - where both are, inf (left out of the means) where ours has none.{without}")
+            f"noise, - where both are, inf (left out of the means) where ours has none.{without} "
+            "same and held-out lights: the scene's own states, path-traced, against the whole "
+            "pipeline. drawn lights: dozens drawn from the scene that no layout was made for "
+            "(`place --drawn-lights`: the query on traced probes, at other held-out receivers); "
+            "there the bootstrap is over lights and seeds.")
     return parts
 
 

@@ -72,13 +72,15 @@ def summary(path):
 def placement(published):
     """The summary of placement.md, a row a layout and budget."""
     found = summary(published / "placement" / "placement.md")
-    rows = [["layout", "N", "scenes", "lights it was trained under", "lights it never saw"]]
+    rows = [["layout", "N", "scenes", "lights it was trained under", "a light it never saw",
+             "60 drawn lights it never saw"]]
     for name, title in LAYOUTS.items():
         for probes in sorted({key[1] for key in found}):
-            both = [found.get((name, probes, lights)) for lights in ("same lights",
-                                                                     "held-out lights")]
-            if all(both):
-                rows.append([title, str(probes), both[0][3], *(f"{c[4]} {c[5]}" for c in both)])
+            all_three = [found.get((name, probes, f"{lights} lights"))
+                         for lights in ("same", "held-out", "drawn")]
+            if all(all_three):
+                rows.append([title, str(probes), all_three[0][3],
+                             *(f"{c[4]} {c[5]}" for c in all_three)])
     seeds = {}
     for r in load_rows(published / "placement"):
         if r["layout"] in LAYOUTS:

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "base/rng.h"
 #include "trace/light_data.h"
@@ -51,6 +52,7 @@ std::vector<Vec3f> lampPositions(const EmbreeScene& embree, const Reachability& 
         // Behind a wall is as good as farther away.
         const Vec3f to = lamp - p;
         const float d = length(to);
+        if (d >= apart) continue;
         const bool hidden = d > 0 && embree.occluded(Ray{p, 0, to / d, d});
         apart = std::min(apart, hidden ? 2 * d : d);
       }
@@ -98,43 +100,64 @@ std::vector<Vec3f> sunDirections(const EmbreeScene& embree, const Reachability& 
   return suns;
 }
 
-}  // namespace
+// What kinds of light the scene's states have.
+struct Kinds {
+  bool lamps = false, suns = false, sky = false;
+};
 
-std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& embree,
-                                       const Reachability& reachability, Split split, int generated,
-                                       uint64_t seed) {
-  std::vector<Lighting> all;
-  bool has_lamp = false, has_sun = false;
-  float largest_sky = 0;
+Kinds addOwnStates(const Scene& scene, Split split, std::vector<Lighting>& all) {
+  Kinds kinds;
   for (const LightingState& state : scene.states) {
-    if (state.split != split) continue;
     const Scene lit = withState(scene, state.name);
-    all.push_back({state.name, true, makeLightData(lit), lit.sky.scale});
-    largest_sky = std::max(largest_sky, lit.sky.black() ? 0 : lit.sky.scale);
-    for (const LightData& light : all.back().lights)
-      (light.type == kLightDirectional ? has_sun : has_lamp) = true;
+    const Lighting own{state.name, true, makeLightData(lit), lit.sky.scale};
+    kinds.sky = kinds.sky || !lit.sky.black();
+    for (const LightData& light : own.lights)
+      (light.type == kLightDirectional ? kinds.suns : kinds.lamps) = true;
+    if (state.split == split) all.push_back(own);
   }
-  const bool has_sky = largest_sky > 0;
-  if (!has_sun && !has_lamp) has_lamp = true;
-  Rng rng(seed, RngStream::placement, 1);
-  const int skies = has_sky && generated > 0 ? 1 : 0;
-  const int suns = has_sun ? (generated - skies) / (has_lamp ? 2 : 1) : 0;
-  const int lamps = generated - skies - suns;
-  if (skies > 0) all.push_back({"sky", false, {}, 1.0f});
-  for (const Vec3f& d : sunDirections(embree, reachability, suns, rng)) {
-    LightData light{};
-    light.intensity = Vec3f(1.0f + 9.0f * rng.nextFloat());
-    light.type = kLightDirectional;
-    light.direction = -d;
-    all.push_back({"sun", false, {light}, has_sky ? 0.2f + 0.9f * rng.nextFloat() : 0.0f});
-  }
-  for (const Vec3f& p : lampPositions(embree, reachability, lamps, rng)) {
+  if (!kinds.suns && !kinds.lamps) kinds.lamps = true;
+  return kinds;
+}
+
+Lighting sunState(const Vec3f& to_sun, bool has_sky, Rng& rng) {
+  LightData light{};
+  light.intensity = Vec3f(1.0f + 9.0f * rng.nextFloat());
+  light.type = kLightDirectional;
+  light.direction = -to_sun;
+  return {"sun", false, {light}, has_sky ? 0.2f + 0.9f * rng.nextFloat() : 0.0f};
+}
+
+// Points are spread in the order that they were chosen in, so every count-th are apart.
+Lighting lampState(std::span<const Vec3f> points, std::size_t first, std::size_t count) {
+  Lighting state{"lamp", false, {}, 0.0f};
+  for (std::size_t i = first; i < points.size(); i += count) {
     LightData light{};
     light.intensity = Vec3f(1);
     light.type = kLightPoint;
-    light.position = p;
-    all.push_back({"lamp", false, {light}, 0.0f});
+    light.position = points[i];
+    state.lights.push_back(light);
   }
+  return state;
+}
+
+}  // namespace
+
+std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& embree,
+                                       const Reachability& reachability,
+                                       const LightingPlan& plan) {
+  std::vector<Lighting> all;
+  const Kinds kinds = addOwnStates(scene, plan.split, all);
+  Rng rng(plan.seed, RngStream::placement, 1);
+  const int skies = kinds.sky && plan.generated > 0 ? 1 : 0;
+  const int suns = kinds.suns ? (plan.generated - skies) / (kinds.lamps ? 2 : 1) : 0;
+  const int lamps = kinds.lamps ? plan.generated - skies - suns : 0;
+  if (skies > 0) all.push_back({"sky", false, {}, 1.0f});
+  for (const Vec3f& d : sunDirections(embree, reachability, suns, rng))
+    all.push_back(sunState(d, kinds.sky, rng));
+  const std::vector<Vec3f> points =
+      lampPositions(embree, reachability, lamps * plan.lamps_each, rng);
+  const std::size_t lit = points.empty() ? 0 : static_cast<std::size_t>(lamps);
+  for (std::size_t i = 0; i < lit; ++i) all.push_back(lampState(points, i, lit));
   if (all.size() > kMostStates) all.resize(kMostStates);
   return all;
 }

@@ -15,7 +15,6 @@
 namespace probelab {
 namespace {
 
-constexpr int kReceiverRays = 256;
 constexpr int kReceiverEmitterSamples = 32;
 constexpr std::size_t kChunk = 1024;      // receivers traced at once
 constexpr std::size_t kStatesAtOnce = 3;  // in the three channels of a query
@@ -57,29 +56,31 @@ std::vector<Receiver> trainReceivers(const Training::Data& data) {
 
 void traceTruth(Training::Data& data) {
   const std::size_t states = data.patches->stateCount();
+  const int rays_each = data.settings.receiver_rays;
+  const auto row = static_cast<std::size_t>(rays_each);
   data.truth.assign(data.receivers.size() * states, 0.0f);
   for (std::size_t first = 0; first < data.receivers.size(); first += kChunk) {
     throwIfInterrupted();
     const std::size_t count = std::min(kChunk, data.receivers.size() - first);
     const auto part = std::span<const Receiver>(data.receivers).subspan(first, count);
-    const std::vector<Ray> rays = receiverRays(data, part, first, kReceiverRays);
+    const std::vector<Ray> rays = receiverRays(data, part, first, rays_each);
     std::vector<RaySample> samples(rays.size());
     data.patches->trace(rays, samples);
     parallelFor(count, 64, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) {
         const std::span<float> sum = std::span(data.truth).subspan((first + i) * states, states);
-        for (std::size_t k = 0; k < kReceiverRays; ++k) {
-          const RaySample& sample = samples[i * kReceiverRays + k];
-          const float cosine = dot(part[i].normal, rays[i * kReceiverRays + k].direction);
+        for (std::size_t k = 0; k < row; ++k) {
+          const RaySample& sample = samples[i * row + k];
+          const float cosine = dot(part[i].normal, rays[i * row + k].direction);
           data.patches->addRadiance(
-              sample, 1.0f / kReceiverRays,
-              PatchCache::emitterShare(sample, cosine, kReceiverEmitterSamples, kReceiverRays),
+              sample, 1.0f / static_cast<float>(rays_each),
+              PatchCache::emitterShare(sample, cosine, kReceiverEmitterSamples, rays_each),
               sum);
         }
         Rng rng(data.settings.seed, RngStream::placement, 5, first + i);
         const Vec3f e =
-            data.patches->emitted(rays[i * kReceiverRays].origin, part[i].normal, part[i].normal,
-                                  kReceiverEmitterSamples, kReceiverRays, rng);
+            data.patches->emitted(rays[i * row].origin, part[i].normal, part[i].normal,
+                                  kReceiverEmitterSamples, rays_each, rng);
         for (float& v : sum) v += luminance(e) / kPi;
       }
     });
@@ -107,8 +108,11 @@ void traceTraining(Training::Data& data) {
   data.receivers = trainReceivers(data);
   data.patches = std::make_unique<PatchCache>(
       data.scene, data.embree,
-      trainingLighting(data.scene, data.embree, data.reachability, data.settings.split,
-                       data.settings.lights, data.settings.seed),
+      trainingLighting(data.scene, data.embree, data.reachability,
+                       {.split = data.settings.split,
+                        .generated = data.settings.lights,
+                        .lamps_each = data.settings.lamps_each,
+                        .seed = data.settings.seed}),
       startRays(data), data.settings.seed);
   traceTruth(data);
   normalise(data);

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """place: layouts as files, their GLB, the smallest budget for an error; --layout of other commands."""
 import json
+import math
 import re
 import struct
 import unittest
@@ -67,7 +68,7 @@ class Place(PlaceTest):
     def test_names_of_the_result(self):
         result = self.place("--strategy", "poisson")
         for name in ("output", "glb", "scene", "state", "strategy", "probes", "lattice", "layout",
-                     "report", "params", "search", "seed", "version", "provenance"):
+                     "report", "params", "search", "drawn_lights", "seed", "version", "provenance"):
             self.assertIn(name, result)
         self.assertEqual(set(result["layout"]), {"interpolant", "index_bytes", "asked", "seed",
                                                  "options", "evaluations", "build_s"})
@@ -85,6 +86,23 @@ class Place(PlaceTest):
         for words in ("27 stored, grid of 3 x 3 x 3", "box=free", "clearance", "spacing",
                       "by none", "by 8 or more", "built in", "evaluations"):
             self.assertIn(words, text)
+
+    def test_drawn_lights(self):
+        """Their errors are told one by one, are the same for the same seed, and fall with N."""
+        few = self.place("--drawn-lights", 12, probes=8)["drawn_lights"]
+        self.assertEqual(few, self.place("--drawn-lights", 12, probes=8)["drawn_lights"])
+        self.assertEqual((few["lights"], len(few["each"])), (12, 12))
+        self.assertEqual({light["kind"] for light in few["each"]}, {"lamp"})
+        for name, mean in (("nrmse", lambda v: math.sqrt(sum(x * x for x in v) / 12)),
+                           ("smape", lambda v: sum(v) / 12)):
+            self.assertAlmostEqual(few[name], mean([light[name] for light in few["each"]]),
+                                   delta=1e-6)
+        many = self.place("--drawn-lights", 12, probes=512)["drawn_lights"]
+        self.assertGreater(min(light["nrmse"] for light in many["each"]), 0)
+        self.assertLess(many["nrmse"], 0.7 * few["nrmse"])
+        self.assertIsNone(self.place()["drawn_lights"])
+        text = self.run_ok("place", "room.toml", "-o", "a.json", "--drawn-lights", "12").stdout
+        self.assertRegex(text, r"drawn lights +nrmse [0-9.]+ under 12 \(least")
 
     def test_seeds(self):
         for strategy in ("grid", "relocated", "jittered", "poisson"):

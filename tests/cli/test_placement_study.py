@@ -18,6 +18,7 @@ rel_error = 0.2
 params = "classic"
 rays = 16
 updates = 2
+drawn_lights = 3
 seeds = [1, 2]
 probes = [8]
 scenes = ["scenes/corridor_l/scene.toml"]
@@ -52,8 +53,10 @@ class PlacementStudy(CliTest):
         first = self.study("--seeds", "1", "--parts", "main")
         self.assertEqual(first.returncode, 0, first.stderr)
         rows = self.rows()
-        # Two layouts under two train states and a held-out one.
-        self.assertEqual(len(rows), 6)
+        # Two layouts under two train states, a held-out one and the drawn lights.
+        self.assertEqual(len(rows), 8)
+        drawn = [r for r in rows if r["lights"] == "drawn"]
+        self.assertEqual([len(r["blocks"]) for r in drawn], [3, 3])
         self.assertEqual([r["lights"] for r in rows].count("heldout"), 2)
         for row in rows:
             self.assertAlmostEqual(math.sqrt(max(0, sum(row["blocks"].values()))), row["nrmse"],
@@ -64,9 +67,10 @@ class PlacementStudy(CliTest):
         self.assertEqual(second.returncode, 0, second.stderr)
         kept = placement_rows.load_rows(self.results)
         # Two seeds, and the second layout at the receivers of the first.
-        self.assertEqual(len(kept), 6 + 6 + 3)
-        self.assertEqual(kept[:6], rows)
+        self.assertEqual(len(kept), 8 + 8 + 3)
+        self.assertEqual(kept[:8], rows)
         for words in ("## scattered against the best baseline: held-out lights, N = 8",
+                      "## scattered against the best baseline: drawn lights, N = 8",
                       "| corridor_l", "## Retraining"):
             self.assertIn(words, second.stdout)
         published = self.folder / "published"

@@ -22,12 +22,22 @@ struct Lighting {
   float sky_scale = 1;  // Sky::scale
 };
 
-// The scene's states of `split`, then `generated` others. Kinds follow the scene: lamps (one lamp a
-// state, at points of the reachable free space far from each other), suns (directions from which
-// the reachable space can be seen) and the sky alone; a scene without lights of its own gets lamps.
-// No more than kMostStates in all.
+struct LightingPlan {
+  Split split = Split::train;
+  int generated = 0;   // states beside the scene's own of `split`
+  int lamps_each = 1;  // in a generated state of lamps
+  uint64_t seed = 0;
+};
+
+// The scene's states of the split, then generated others. Kinds follow the scene: lamps (at points
+// of the reachable free space far from each other, those of one state too), suns (one a state,
+// directions from which the reachable space can be seen) and the sky alone; a scene without lights
+// of its own gets lamps. No more than kMostStates in all.
+//
+// What a lamp lights brightly is a metre wide, so dozens of lamps one by one leave most of the walls
+// to chance, and layouts fit the places where lamps happened to stand. Lamps that share a state but
+// stand apart are as good as states of their own: errors are local to their bright spots.
 std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& embree,
-                                       const Reachability& reachability, Split split, int generated,
-                                       uint64_t seed);
+                                       const Reachability& reachability, const LightingPlan& plan);
 
 }  // namespace probelab

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "drawn_lights.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <span>
+
+#include "base/error.h"
+#include "placement/training_data.h"
+
+namespace probelab {
+namespace {
+
+constexpr int kReceivers = 2048;
+constexpr int kRays = 1024;  // a receiver: the truth's noise must not hide what layouts differ by
+constexpr uint64_t kSeedOffset = 0x64726177;  // no seed of a training
+
+// The error under one state, of irradiance / pi in luminance.
+ErrorMetrics errorUnder(const Training::Data& data, std::span<const float> estimates,
+                        std::size_t state) {
+  const std::size_t states = data.stateCount(), count = data.receivers.size();
+  std::vector<Vec3f> estimate, truth, positions;
+  std::vector<float> areas;
+  std::vector<int> regions, kinds;
+  for (std::size_t r = 0; r < count; ++r) {
+    const Receiver& receiver = data.receivers[r];
+    estimate.emplace_back(estimates[r * states + state]);
+    truth.emplace_back(data.truth[r * states + state]);
+    positions.push_back(receiver.position);
+    areas.push_back(static_cast<float>(receiver.area));
+  }
+  return computeErrors({.estimate = estimate,
+                        .a = truth,
+                        .b = truth,
+                        .position = positions,
+                        .area = areas,
+                        .region = regions,
+                        .kind = kinds})
+      .all;
+}
+
+}  // namespace
+
+DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& layout,
+                                  const Params& params, int lights, uint64_t seed) {
+  const Scene scene = trainScene(of.scene);
+  Training training(scene, of.embree, of.reachability,
+                    {.receivers = kReceivers,
+                     .lights = lights,
+                     .split = Split::heldout,
+                     .seed = seed + kSeedOffset,
+                     .receiver_rays = kRays,
+                     .lamps_each = 1});
+  const Training::Data& data = training.data();
+  const std::vector<float> estimates = estimateLayout(data, layout, params);
+  DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}};
+  for (std::size_t l = 0; l < data.stateCount(); ++l)
+    if (data.power[l] > 0)
+      score.lights.push_back(
+          {data.patches->lighting()[l].name, errorUnder(data, estimates, l)});
+  if (score.lights.empty())
+    throwInput("--drawn-lights: no light that was drawn reaches a receiver of {}", of.scene.path);
+  return score;
+}
+
+Json toJson(const DrawnLightsScore& score) {
+  Json each = Json::array();
+  double squares = 0, smape = 0, light_leak = 0, shadow_leak = 0;
+  for (const DrawnLight& light : score.lights) {
+    const ErrorMetrics& e = light.error;
+    squares += e.nrmse.value_or(0) * e.nrmse.value_or(0);
+    smape += e.smape.value_or(0);
+    light_leak += e.light_leak.value_or(0);
+    shadow_leak += e.shadow_leak.value_or(0);
+    each.push_back({{"kind", light.kind},
+                    {"nrmse", optionalNumber(e.nrmse)},
+                    {"smape", optionalNumber(e.smape)},
+                    {"light_leak", optionalNumber(e.light_leak)},
+                    {"shadow_leak", optionalNumber(e.shadow_leak)}});
+  }
+  const auto n = static_cast<double>(score.lights.size());
+  return {{"lights", score.lights.size()},
+          {"receivers", score.receivers},
+          {"nrmse", std::sqrt(squares / n)},
+          {"smape", smape / n},
+          {"light_leak", light_leak / n},
+          {"shadow_leak", shadow_leak / n},
+          {"each", each}};
+}
+
+}  // namespace probelab
