@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 
 #include "base/rng.h"
 #include "trace/light_data.h"
@@ -127,17 +126,25 @@ Lighting sunState(const Vec3f& to_sun, bool has_sky, Rng& rng) {
   return {"sun", false, {light}, has_sky ? 0.2f + 0.9f * rng.nextFloat() : 0.0f};
 }
 
-// Points are spread in the order that they were chosen in, so every count-th are apart.
-Lighting lampState(std::span<const Vec3f> points, std::size_t first, std::size_t count) {
-  Lighting state{"lamp", false, {}, 0.0f};
-  for (std::size_t i = first; i < points.size(); i += count) {
+// Half of the states have one lamp, so that rooms are dark in some; the lamps of the others are
+// dealt out in the order that they were chosen in, so that those of a state are apart.
+void addLampStates(const EmbreeScene& embree, const Reachability& reachability, int states,
+                   int lamps_each, Rng& rng, std::vector<Lighting>& all) {
+  const int shared = lamps_each > 1 ? states - states / 2 : 0, single = states - shared;
+  const std::size_t first = all.size();
+  int i = 0;
+  for (const Vec3f& p :
+       lampPositions(embree, reachability, single + shared * lamps_each, rng)) {
+    const int state = i < single ? i : single + (i - single) % shared;
+    if (first + static_cast<std::size_t>(state) == all.size())
+      all.push_back({"lamp", false, {}, 0.0f});
     LightData light{};
     light.intensity = Vec3f(1);
     light.type = kLightPoint;
-    light.position = points[i];
-    state.lights.push_back(light);
+    light.position = p;
+    all[first + static_cast<std::size_t>(state)].lights.push_back(light);
+    ++i;
   }
-  return state;
 }
 
 }  // namespace
@@ -154,10 +161,7 @@ std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& em
   if (skies > 0) all.push_back({"sky", false, {}, 1.0f});
   for (const Vec3f& d : sunDirections(embree, reachability, suns, rng))
     all.push_back(sunState(d, kinds.sky, rng));
-  const std::vector<Vec3f> points =
-      lampPositions(embree, reachability, lamps * plan.lamps_each, rng);
-  const std::size_t lit = points.empty() ? 0 : static_cast<std::size_t>(lamps);
-  for (std::size_t i = 0; i < lit; ++i) all.push_back(lampState(points, i, lit));
+  addLampStates(embree, reachability, lamps, plan.lamps_each, rng, all);
   if (all.size() > kMostStates) all.resize(kMostStates);
   return all;
 }

@@ -16,9 +16,9 @@ struct TruthAgainstPaths {
   double nrmse;
 };
 
-// Of the training's first state, which is that of `scene`; 512 samples a receiver.
+// Of the training's state that `scene` is lit as; 512 samples a receiver.
 inline TruthAgainstPaths againstPaths(const Training::Data& data, const Scene& scene,
-                                      const EmbreeScene& embree) {
+                                      const EmbreeScene& embree, std::size_t state = 0) {
   std::vector<IrradiancePoint> points;
   for (const Receiver& r : data.receivers) points.push_back({r.position, r.normal});
   SampleBudget budget;
@@ -27,7 +27,7 @@ inline TruthAgainstPaths againstPaths(const Training::Data& data, const Scene& s
   double ours = 0, theirs = 0, error = 0, power = 0;
   for (std::size_t r = 0; r < points.size(); ++r) {
     const double a = luminance(Vec3d(paths.a[r])) / M_PI, b = luminance(Vec3d(paths.b[r])) / M_PI;
-    const double e = static_cast<double>(data.truth[r * data.stateCount()]);
+    const double e = static_cast<double>(data.truth[r * data.stateCount() + state]);
     const double w = data.receivers[r].area;
     ours += w * e, theirs += w * 0.5 * (a + b);
     error += w * (e - a) * (e - b), power += w * a * b;

@@ -25,7 +25,7 @@ struct Lighting {
 struct LightingPlan {
   Split split = Split::train;
   int generated = 0;   // states beside the scene's own of `split`
-  int lamps_each = 1;  // in a generated state of lamps
+  int lamps_each = 1;  // in every other generated state of lamps; one in the rest
   uint64_t seed = 0;
 };
 
@@ -36,7 +36,8 @@ struct LightingPlan {
 //
 // What a lamp lights brightly is a metre wide, so dozens of lamps one by one leave most of the walls
 // to chance, and layouts fit the places where lamps happened to stand. Lamps that share a state but
-// stand apart are as good as states of their own: errors are local to their bright spots.
+// stand apart are nearly as good as states of their own, because errors are local to their bright
+// spots; but rooms have to be dark in some states too.
 std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& embree,
                                        const Reachability& reachability, const LightingPlan& plan);
 

@@ -24,7 +24,7 @@ struct TrainingSettings {
   Split split = Split::train;  // held-out ones check a search, they never steer it
   uint64_t seed = 0;
   int receiver_rays = 256;  // that the truth at each of them is gathered with
-  int lamps_each = 8;       // in a generated state of lamps
+  int lamps_each = 8;       // LightingPlan::lamps_each
 };
 
 class Training {
