@@ -167,6 +167,10 @@ class Study:
             except (KeyboardInterrupt, Interrupted):
                 self.stopping = True
                 pool.shutdown(cancel_futures=True)
+            except Exception:  # a defect here: no need to wait for what is left
+                self.stopping = True
+                pool.shutdown(cancel_futures=True)
+                raise
         self.progress.finish()
         return not self.stopping
 
@@ -196,7 +200,8 @@ class Study:
             placed = self.run("place", group["scene"], "--strategy", group["layout"]["strategy"],
                               "--probes", group["probes"], *options, "-o",
                               os.path.relpath(layout), "--params", self.study["params"],
-                              "--rays", self.study["rays"], "--seed", group["layout_seed"])
+                              "--rays", self.study["rays"], "--seed", group["layout_seed"],
+                              *self.drawn_options(group))
             bounds = json.loads(layout.read_text())["bounds"]
             for state, lights, seed in group["runs"]:
                 if self.stopping:
