@@ -78,8 +78,12 @@ def plan(study, parts):
             runs.append(run)
 
     def add(scene, name, probes, layout_seed, seed):
-        for state, lights in lighting_states(scene).items() if name in by_name else ():
+        if name not in by_name:
+            return
+        for state, lights in lighting_states(scene).items():
             add_run(scene, name, probes, layout_seed, (state, lights, seed))
+        if study.get("drawn_lights") and seed == layout_seed:
+            add_run(scene, name, probes, layout_seed, (DRAWN, DRAWN, seed))
 
     if "main" in parts:
         for seed in study["seeds"]:
@@ -87,8 +91,6 @@ def plan(study, parts):
                 for scene in study["scenes"]:
                     for name in by_name:
                         add(scene, name, probes, seed, seed)
-                        if study.get("drawn_lights"):
-                            add_run(scene, name, probes, seed, (DRAWN, DRAWN, seed))
     curves = study.get("curves")
     if curves and "curves" in parts:
         for seed in curves["seeds"]:

@@ -38,8 +38,10 @@ def write_figure(study, rows, folder):
     there is none, where there could be one."""
     tables = Tables(study, rows)
     names = study.get("curves", {}).get("layouts", [])
-    scenes = [s for s in tables.scenes
-              if any(len(tables.curve(s, n, lights)) >= 3 for n in names for lights in LIGHTS)]
+    curves = [(s, lights) for s in tables.scenes for lights in LIGHTS
+              if any(len(tables.curve(s, n, lights)) >= 3 for n in names)]
+    scenes = [s for s in tables.scenes if any(s == scene for scene, _ in curves)]
+    shown = [lights for lights in LIGHTS if any(lights == of for _, of in curves)]
     if not scenes:
         return ""
     try:
@@ -49,9 +51,9 @@ def write_figure(study, rows, folder):
     except ImportError:
         return "no figure: matplotlib is not installed (Debian: python3-matplotlib)"
     matplotlib.rcParams["svg.hashsalt"] = "probelab"
-    figure, axes = pyplot.subplots(len(LIGHTS), len(scenes), squeeze=False, sharex=True,
-                                   figsize=(3.4 * len(scenes), 3.0 * len(LIGHTS)))
-    for i, lights in enumerate(LIGHTS):
+    figure, axes = pyplot.subplots(len(shown), len(scenes), squeeze=False, sharex=True,
+                                   figsize=(3.4 * len(scenes), 3.0 * len(shown)))
+    for i, lights in enumerate(shown):
         for j, scene in enumerate(scenes):
             draw_panel(axes[i][j], tables, scene, lights, names)
         axes[i][0].set_ylabel("nrmse")

@@ -76,11 +76,11 @@ def placement(published):
              "60 drawn lights it never saw"]]
     for name, title in LAYOUTS.items():
         for probes in sorted({key[1] for key in found}):
-            all_three = [found.get((name, probes, f"{lights} lights"))
+            by_lights = [found.get((name, probes, f"{lights} lights"))
                          for lights in ("same", "held-out", "drawn")]
-            if all(all_three):
-                rows.append([title, str(probes), all_three[0][3],
-                             *(f"{c[4]} {c[5]}" for c in all_three)])
+            if by_lights[0]:
+                rows.append([title, str(probes), by_lights[0][3],
+                             *(f"{c[4]} {c[5]}" if c else "-" for c in by_lights)])
     seeds = {}
     for r in load_rows(published / "placement"):
         if r["layout"] in LAYOUTS:
