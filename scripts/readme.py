@@ -86,8 +86,9 @@ def placement(published):
         if r["layout"] in LAYOUTS:
             seeds.setdefault(r["probes"], set()).add(r["seed"])
     about = "; ".join(f"seeds {', '.join(map(str, sorted(seeds[n])))} of N = {n}" if len(seeds[n]) > 1
-                      else f"one seed of N = {n}, whose intervals are over blocks of space alone"
+                      else f"one seed of N = {n}"
                       for n in sorted(seeds) if any(row[1] == str(n) for row in rows))
+    about += ". Intervals are over blocks of space, of drawn lights over lights, and over seeds"
     return aligned(rows) + "\n\n" + about[:1].upper() + about[1:] + ".\n"
 
 
@@ -260,7 +261,21 @@ def worst_leak(layout):
                 leaks.setdefault(row["layout"], {}).setdefault(row["seed"], []).append(
                     row["light_leak"])
         both = set(leaks["optimized"]) & set(leaks["grid_best"])
-        return f"{max(v for seed in both for v in leaks[layout][seed]):.0e}".replace("e-0", "e-")
+        most = max(v for seed in both for v in leaks[layout][seed])
+        return f"{most:.0e}".replace("e-0", "e-") if most > 0 else "0"
+    return value
+
+
+def drawn_ratio(which):
+    """The least or most of the scenes' ratios of `optimized` under drawn lights at N = 128."""
+    def value(published):
+        text = (published / "placement" / "placement.md").read_text()
+        title = "## optimized against the best baseline: drawn lights, N = 128"
+        _, _, table = text.partition(title)
+        cells = [[c.strip() for c in line.strip("|").split("|")]
+                 for line in table.strip().split("\n\n")[0].splitlines()]
+        ratios = {c[0]: float(c[5]) for c in cells[2:] if c[0] not in ("geometric mean", "cornell")}
+        return f"{which(ratios.values()):.2f}"
     return value
 
 
@@ -272,7 +287,8 @@ def preset_bytes(row):
     return value
 
 
-VALUES = {"placement.leak.optimized": worst_leak("optimized"),
+VALUES = {"placement.drawn.least": drawn_ratio(min), "placement.drawn.most": drawn_ratio(max),
+          "placement.leak.optimized": worst_leak("optimized"),
           "placement.leak.grid_best": worst_leak("grid_best"),
           "pipeline.bytes.probelab": preset_bytes("probelab"),
           "pipeline.bytes.rtxgi": preset_bytes("base")}
