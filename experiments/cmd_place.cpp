@@ -85,7 +85,6 @@ struct Placed {
   Provenance provenance;
   Json report;
   Json search = nullptr;  // of --max-nrmse
-  Json drawn = nullptr;   // of --drawn-lights
 };
 
 Json spreadJson(const Spread& spread) {
@@ -112,11 +111,15 @@ Json reportJson(const ProbeLayout& layout, const PlacementScene& of, uint64_t se
           {"reached", reached}};
 }
 
-Json drawnJson(const PlaceOptions& options, const PlacementScene& of, const ProbeLayout& layout,
+// "drawn_lights" of the result; null where none are asked for.
+Json drawnJson(const PlaceOptions& options, const Scene& scene, const ProbeLayout& layout,
                const Params& params, const Invocation& invocation) {
   if (options.drawn_lights == 0) return nullptr;
   note(invocation, "scoring under {} drawn lights", options.drawn_lights);
-  return toJson(scoreDrawnLights(of, layout, params, options.drawn_lights, invocation.common.seed));
+  const EmbreeScene embree(scene);
+  const Reachability reachability = findReachable(scene, embree);
+  return toJson(scoreDrawnLights({scene, embree, reachability}, layout, params,
+                                 options.drawn_lights, invocation.common.seed));
 }
 
 // One budget of the search.
@@ -196,14 +199,13 @@ Placed placeByError(const PlaceOptions& options, const Params& params,
   if (search.probes == 0) throwInput("{}", refusal);
   requireNoValidationMessages(setup.gpu);
   const Trial& best = trials.at(search.probes);
-  const PlacementScene of{setup.scene, setup.embree, setup.reachability};
   return {setup.scene,
           best.layout,
           best.active,
           setup.provenance,
-          reportJson(best.layout, of, invocation.common.seed),
-          searchJson(search, trials, *options.max_nrmse),
-          drawnJson(options, of, best.layout, params, invocation)};
+          reportJson(best.layout, {setup.scene, setup.embree, setup.reachability},
+                     invocation.common.seed),
+          searchJson(search, trials, *options.max_nrmse)};
 }
 
 // Classification needs a device; without it all probes are active.
@@ -233,7 +235,6 @@ Placed placeBudget(const PlaceOptions& options, const Params& params,
   progress.finish();
   validateLayout(placed.layout, params);
   placed.report = reportJson(placed.layout, of, invocation.common.seed);
-  placed.drawn = drawnJson(options, of, placed.layout, params, invocation);
   if (!options.glb.empty())
     placed.active = activeProbes(placed.layout, params, of, placed.provenance, invocation);
   return placed;
@@ -373,7 +374,7 @@ void runPlace(const PlaceOptions& options, const Invocation& invocation) {
                  {"report", placed.report},
                  {"params", params.name},
                  {"search", placed.search},
-                 {"drawn_lights", placed.drawn},
+                 {"drawn_lights", drawnJson(options, scene, placed.layout, params, invocation)},
                  {"seed", placed.layout.seed},
                  {"version", buildInfo().version},
                  {"provenance", toJson(placed.provenance)}};

@@ -315,6 +315,14 @@ class Refusals(PlaceTest):
         self.assertNotIn("at most 8 probes", result.stderr)
         self.assertFalse((self.folder / "l.json").exists())
 
+    def test_a_layout_is_kept_that_drawn_lights_cannot_score(self):
+        write_glb(self.folder / "black.glb", base_color=(0, 0, 0, 1))
+        result = self.run_program("place", "black.glb", "--probes", 8, "-o", "kept.json",
+                                  "--drawn-lights", 3, "--quiet")
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("no light that was drawn reaches a receiver of black.glb", result.stderr)
+        self.assertEqual(len(self.positions("kept.json")), 8)
+
     def test_a_search_needs_train_receivers(self):
         (self.folder / "points.csv").write_text("0,1,0,0,1,0\n")
         self.run_ok("receivers", "room.toml", "-o", "r.json", "--points", "points.csv", "--spp", 8,
