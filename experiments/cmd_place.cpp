@@ -111,7 +111,8 @@ Json reportJson(const ProbeLayout& layout, const PlacementScene& of, uint64_t se
           {"reached", reached}};
 }
 
-// "drawn_lights" of the result; null where none are asked for.
+// "drawn_lights" of the result; null where none are asked for. Apart from the placing, so that the
+// layout is a file by then.
 Json drawnJson(const PlaceOptions& options, const Scene& scene, const ProbeLayout& layout,
                const Params& params, const Invocation& invocation) {
   if (options.drawn_lights == 0) return nullptr;
@@ -411,9 +412,9 @@ void addPlaceCommand(Program& program) {
       ->check(checkPositive)
       ->group("Probes");
   app.add_option("--drawn-lights", options->drawn_lights,
-                 "also score the layout under so many lamps, suns and skies drawn from the scene, "
-                 "which no strategy saw, at held-out receivers: how it answers light that may be "
-                 "anywhere")
+                 "also score the layout under so many lights drawn from the scene (lamps, suns, "
+                 "the sky) that no strategy saw, at held-out receivers: how it answers light that "
+                 "may be anywhere")
       ->type_name("N")
       ->check(CLI::Range(1, static_cast<int>(kMostStates)).description(""))
       ->group("Probes");

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "base/error.h"
+#include "evaluation.h"
 #include "placement/training_data.h"
 
 namespace probelab {
@@ -15,28 +16,16 @@ constexpr int kReceivers = 2048;
 constexpr int kRays = 1024;  // a receiver: the truth's noise must not hide what layouts differ by
 constexpr uint64_t kSeedOffset = 0x64726177;  // no seed of a training
 
-// The error under one state, of irradiance / pi in luminance.
+// Errors under one state, of irradiance / pi in luminance; `receivers` take the state's truth.
 ErrorMetrics errorUnder(const Training::Data& data, std::span<const float> estimates,
-                        std::size_t state) {
-  const std::size_t states = data.stateCount(), count = data.receivers.size();
-  std::vector<Vec3f> estimate, truth, positions;
-  std::vector<float> areas;
-  std::vector<int> regions, kinds;
-  for (std::size_t r = 0; r < count; ++r) {
-    const Receiver& receiver = data.receivers[r];
-    estimate.emplace_back(estimates[r * states + state]);
-    truth.emplace_back(data.truth[r * states + state]);
-    positions.push_back(receiver.position);
-    areas.push_back(static_cast<float>(receiver.area));
+                        std::size_t state, Receivers& receivers) {
+  std::vector<Vec3f> estimate;
+  for (std::size_t r = 0; r < receivers.points.size(); ++r) {
+    const std::size_t at = r * data.stateCount() + state;
+    estimate.emplace_back(estimates[at]);
+    receivers.points[r].a = receivers.points[r].b = Vec3f(data.truth[at]);
   }
-  return computeErrors({.estimate = estimate,
-                        .a = truth,
-                        .b = truth,
-                        .position = positions,
-                        .area = areas,
-                        .region = regions,
-                        .kind = kinds})
-      .all;
+  return scoreEstimates(estimate, receivers, ScoredSplit::heldout).all;
 }
 
 }  // namespace
@@ -53,11 +42,13 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
                      .lamps_each = 1});
   const Training::Data& data = training.data();
   const std::vector<float> estimates = estimateLayout(data, layout, params);
+  Receivers receivers;
+  receivers.points = data.receivers;
   DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}};
   for (std::size_t l = 0; l < data.stateCount(); ++l)
     if (data.power[l] > 0)
       score.lights.push_back(
-          {data.patches->lighting()[l].name, errorUnder(data, estimates, l)});
+          {data.patches->lighting()[l].name, errorUnder(data, estimates, l, receivers)});
   if (score.lights.empty())
     throwInput("--drawn-lights: no light that was drawn reaches a receiver of {}", of.scene.path);
   return score;

@@ -166,13 +166,11 @@ class Study:
             try:
                 for future in concurrent.futures.as_completed(futures):
                     future.result()
-            except (KeyboardInterrupt, Interrupted):
+            except BaseException as error:
                 self.stopping = True
                 pool.shutdown(cancel_futures=True)
-            except Exception:  # a defect here: no need to wait for what is left
-                self.stopping = True
-                pool.shutdown(cancel_futures=True)
-                raise
+                if not isinstance(error, (KeyboardInterrupt, Interrupted)):
+                    raise  # a defect here
         self.progress.finish()
         return not self.stopping
 

@@ -20,6 +20,7 @@ import tomllib
 
 from overview import COLUMNS, ROOT, describe, markdown_table, scene_name, table_row
 from pipeline_report import aligned, number, presets_tables
+from placement_report import Tables
 from placement_rows import load_rows
 from published_rows import numbers, read_rows
 
@@ -73,7 +74,7 @@ def placement(published):
     """The summary of placement.md, a row a layout and budget."""
     found = summary(published / "placement" / "placement.md")
     rows = [["layout", "N", "scenes", "lights it was trained under", "a light it never saw",
-             "60 drawn lights it never saw"]]
+             "drawn lights it never saw"]]
     for name, title in LAYOUTS.items():
         for probes in sorted({key[1] for key in found}):
             by_lights = [found.get((name, probes, f"{lights} lights"))
@@ -88,7 +89,8 @@ def placement(published):
     about = "; ".join(f"seeds {', '.join(map(str, sorted(seeds[n])))} of N = {n}" if len(seeds[n]) > 1
                       else f"one seed of N = {n}"
                       for n in sorted(seeds) if any(row[1] == str(n) for row in rows))
-    about += ". Intervals are over blocks of space, of drawn lights over lights, and over seeds"
+    about += ". Intervals are over blocks of space or drawn lights"
+    about += " and seeds" if any(len(of) > 1 for of in seeds.values()) else " alone"
     return aligned(rows) + "\n\n" + about[:1].upper() + about[1:] + ".\n"
 
 
@@ -269,13 +271,16 @@ def worst_leak(layout):
 def drawn_ratio(which):
     """The least or most of the scenes' ratios of `optimized` under drawn lights at N = 128."""
     def value(published):
-        text = (published / "placement" / "placement.md").read_text()
-        title = "## optimized against the best baseline: drawn lights, N = 128"
-        _, _, table = text.partition(title)
-        cells = [[c.strip() for c in line.strip("|").split("|")]
-                 for line in table.strip().split("\n\n")[0].splitlines()]
-        ratios = {c[0]: float(c[5]) for c in cells[2:] if c[0] not in ("geometric mean", "cornell")}
-        return f"{which(ratios.values()):.2f}"
+        study = tomllib.loads((ROOT / "experiments/studies/placement.toml").read_text())
+        tables = Tables(study, load_rows(published / "placement"))
+        ratios = []
+        for scene in set(tables.scenes) - set(tables.null):
+            key = (scene, "optimized", 128, "drawn")
+            seeds = tables.results.seeds(*key)
+            _, error = tables.best_baseline(scene, 128, "drawn", seeds)
+            if error:
+                ratios.append(error / tables.results.nrmse(key, seeds))
+        return f"{which(ratios):.2f}"
     return value
 
 
