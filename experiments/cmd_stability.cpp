@@ -13,6 +13,7 @@
 
 #include "base/build_info.h"
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/progress.h"
 #include "base/timer.h"
 #include "commands.h"
@@ -140,6 +141,11 @@ void printScene(const Json& r) {
   fmt::print("\n{}", table.text());
 }
 
+// What was finished before a signal is printed like a whole result; the exit code tells.
+void requireWhole(const Json& result) {
+  if (result["interrupted"].get<bool>()) throw Interrupted();
+}
+
 // Prints and ends: exit code 3 where a case fails.
 void finish(const Invocation& invocation, Json& result, double seconds, bool of_scene) {
   const double cpu_seconds = static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
@@ -151,6 +157,7 @@ void finish(const Invocation& invocation, Json& result, double seconds, bool of_
                cpu_seconds);
     if (of_scene) fmt::print("{}\n", result["trusted"].get<std::string>());
   });
+  requireWhole(result);
   std::string failed;
   for (const Json& row : result["cases"])
     if (row["verdict"] == "fails")
@@ -180,14 +187,17 @@ Json runSuite(const StabilityOptions& options, const Invocation& invocation) {
          gpu.info().name);
   Progress progress("stability", static_cast<double>(planned.size()), invocation.common.quiet);
   Json cases = Json::array();
-  runRows(gpu, planned, [&](const StabilityRow& row) {
-    cases.push_back(rowJson(row));
-    progress.update(static_cast<double>(cases.size()));
+  const bool interrupted = endsInterrupted([&] {
+    runRows(gpu, planned, [&](const StabilityRow& row) {
+      cases.push_back(rowJson(row));
+      progress.update(static_cast<double>(cases.size()));
+    });
   });
   progress.finish();
   requireNoValidationMessages(gpu);
   provenance.tracer = options.scene.tracer;
   return {{"cases", cases},
+          {"interrupted", interrupted},
           {"device", gpu.info().name},
           {"version", buildInfo().version},
           {"provenance", toJson(provenance)}};
@@ -202,6 +212,7 @@ void runCurvesCommand(const StabilityOptions& options, const Invocation& invocat
     printPrecision(result);
     fmt::print("\n{}\n", formatDuration(timer.seconds()));
   });
+  requireWhole(result);
 }
 
 void requireNoSceneOptions(const StabilityOptions& options) {

@@ -9,6 +9,7 @@
 
 #include "base/build_info.h"
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/progress.h"
 #include "device.h"
 #include "provenance.h"
@@ -57,14 +58,17 @@ Json runPrecision(const std::string& name, const std::string& tracer,
          gpu.info().name);
   Progress progress("stability", static_cast<double>(planned.size()), invocation.common.quiet);
   Json curves = Json::array();
-  runCurves(gpu, planned, [&](const Curve& curve) {
-    curves.push_back(curveJson(curve));
-    progress.update(static_cast<double>(curves.size()));
+  const bool interrupted = endsInterrupted([&] {
+    runCurves(gpu, planned, [&](const Curve& curve) {
+      curves.push_back(curveJson(curve));
+      progress.update(static_cast<double>(curves.size()));
+    });
   });
   progress.finish();
   requireNoValidationMessages(gpu);
   provenance.tracer = tracer;
   return {{"curves", curves},
+          {"interrupted", interrupted},
           {"device", gpu.info().name},
           {"version", buildInfo().version},
           {"provenance", toJson(provenance)}};

@@ -22,6 +22,7 @@ namespace {
 
 constexpr int kBatches = 50, kSamples = 40;  // a batch
 constexpr int kFirst = kBatches / 10;        // batches until memory must have settled
+constexpr int kLeastBatches = 2 * kFirst;    // that can be judged
 constexpr double kGrowth = 1;                // MiB
 constexpr double kTrend = 4;                 // standard errors
 constexpr double kVarianceRatio = 2;
@@ -188,7 +189,9 @@ Json describe(const LongRun& run, const Receivers& receivers, const Params& para
               double seconds) {
   Json batches = Json::array();
   for (const LongBatch& batch : run.batches) batches.push_back(batchJson(run, batch, receivers));
-  const LongNumbers numbers = longNumbers(run);
+  // A run that was interrupted early is not judged.
+  const bool judged = run.batches.size() >= kLeastBatches;
+  const LongNumbers numbers = judged ? longNumbers(run) : LongNumbers();
   const int done = run.batches.back().updates;
   return {{"receivers", receivers.points.size()},
           {"params", params.name},
@@ -197,11 +200,11 @@ Json describe(const LongRun& run, const Receivers& receivers, const Params& para
           {"updates", done},
           {"updates_per_s", done / seconds},
           {"nrmse", batches.back()["nrmse"]},
-          {"long_run", numbersJson(numbers)},
+          {"long_run", judged ? numbersJson(numbers) : Json(nullptr)},
           {"batches", batches},
           {"trusted", fmt::format("{} updates with hysteresis {}, {:.0f} a second.", done,
                                   params.hysteresis, done / seconds)},
-          {"cases", rowsJson(judgeLongRun(numbers))}};
+          {"cases", judged ? rowsJson(judgeLongRun(numbers)) : Json::array()}};
 }
 
 }  // namespace
@@ -298,11 +301,15 @@ Json runLongRun(const SceneStabilityOptions& options, int updates, const Invocat
   const auto field = makeField(setup, params, plan);
   Progress progress("long run", kBatches, invocation.common.quiet);
   const Timer timer;
-  runBatches(*field, receivers, updates, run,
-             [&](const LongBatch&) { progress.update(static_cast<double>(run.batches.size())); });
+  const bool interrupted = endsInterrupted([&] {
+    runBatches(*field, receivers, updates, run,
+               [&](const LongBatch&) { progress.update(static_cast<double>(run.batches.size())); });
+  });
+  if (run.batches.empty()) throw Interrupted();
   progress.finish();
   requireNoValidationMessages(setup.gpu);
   Json result = describe(run, receivers, params, timer.seconds());
+  result["interrupted"] = interrupted;
   result["scene"] = setup.scene.name;
   result["state"] = setup.scene.state;
   result["probes"] = field->probeCount();

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "base/progress.h"
 #include "base/suggest.h"
@@ -51,6 +52,7 @@ class SceneSuite {
             obtainTruth(options.truth, setup_.scene, setup_.embree, setup_.reachability, invocation)
                 .receivers) {}
 
+  // What was finished before a signal, then with "interrupted": true.
   Json run(const std::string& name);
 
  private:
@@ -78,6 +80,7 @@ class SceneSuite {
   double formatShare(const Params& params) const;
   Measurement firstUpdate();
   Measurement lightOffAndOn();
+  void measureRows(const std::vector<RowPlan>& rows, const std::function<void(Json)>& on_row);
   Json describe(const Json& rows, bool all) const;
 
   const SceneStabilityOptions& options_;
@@ -359,6 +362,21 @@ Json SceneSuite::run(const std::string& name) {
   measureBase();
   progress.update(kSeeds);
   Json list = Json::array();
+  const auto keep = [&](Json row) {
+    list.push_back(std::move(row));
+    progress.update(static_cast<double>(kSeeds + list.size()));
+  };
+  const bool interrupted = endsInterrupted([&] { measureRows(rows, keep); });
+  progress.finish();
+  requireNoValidationMessages(setup_.gpu);
+  setup_.provenance.tracer = options_.tracer;
+  Json result = describe(list, list.size() == known.size());
+  result["interrupted"] = interrupted;
+  return result;
+}
+
+void SceneSuite::measureRows(const std::vector<RowPlan>& rows,
+                             const std::function<void(Json)>& on_row) {
   for (const RowPlan& row : rows) {
     const Timer timer;
     const std::size_t had = changes_.size();
@@ -367,23 +385,18 @@ Json SceneSuite::run(const std::string& name) {
     // Formats are the user's choice: they are no reason to trust a digit less.
     if (changes_.size() > had && row.format.empty())
       spread_ = std::max(spread_, std::abs(changes_.back()));
-    list.push_back({{"id", row.id},
-                    {"group", "scene"},
-                    {"case", row.title},
-                    {"tracer", row.tracer},
-                    {"format", row.format},
-                    {"expectation", row.expectation},
-                    {"measured", m.text},
-                    {"verdict", verdictName(m.verdict)},
-                    {"change", change},
-                    {"breaking_point", optionalNumber(m.breaking_point)},
-                    {"seconds", timer.seconds()}});
-    progress.update(static_cast<double>(kSeeds + list.size()));
+    on_row({{"id", row.id},
+            {"group", "scene"},
+            {"case", row.title},
+            {"tracer", row.tracer},
+            {"format", row.format},
+            {"expectation", row.expectation},
+            {"measured", m.text},
+            {"verdict", verdictName(m.verdict)},
+            {"change", change},
+            {"breaking_point", optionalNumber(m.breaking_point)},
+            {"seconds", timer.seconds()}});
   }
-  progress.finish();
-  requireNoValidationMessages(setup_.gpu);
-  setup_.provenance.tracer = options_.tracer;
-  return describe(list, rows.size() == known.size());
 }
 
 }  // namespace

@@ -28,4 +28,13 @@ void throwIfInterrupted() {
   if (interrupt_requested) throw Interrupted();
 }
 
+bool endsInterrupted(const std::function<void()>& work) {
+  try {
+    work();
+    return false;
+  } catch (const Interrupted&) {
+    return true;
+  }
+}
+
 }  // namespace probelab

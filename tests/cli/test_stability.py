@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """probelab stability: names of cases, the JSON's fields, a user's own scene."""
+import json
+import signal
 import subprocess
 import sys
 import unittest
 
-from support import CliTest, SOURCE, write_glb
+from support import CliTest, PROGRAM, SOURCE, write_glb
 
 FIELDS = {"id", "case", "tracer", "format", "expectation", "measured", "verdict"}
 
@@ -26,6 +28,21 @@ class Suite(CliTest):
     def test_one_tracer_leaves_the_others_rows_out(self):
         rows = self.run_json("stability", "--case", "lighting.none", "--tracer", "embree")["cases"]
         self.assertEqual({r["tracer"] for r in rows}, {"embree", "reference"})
+
+    def test_what_was_finished_before_a_signal_is_kept(self):
+        process = subprocess.Popen([PROGRAM, "stability", "--tracer", "embree", "--json"],
+                                   cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                   text=True)
+        while not process.stderr.readline().startswith("stability:"):  # after 10 s
+            self.assertIsNone(process.poll())
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, errors)
+        result = json.loads(output)
+        self.assertTrue(result["interrupted"])
+        self.assertGreater(len(result["cases"]), 10)
+        self.assertLess(len(result["cases"]), 150)
+        self.assertEqual({r["verdict"] for r in result["cases"]} - {"holds", "limit"}, set())
 
     def test_an_unknown_name_is_refused_with_the_nearest(self):
         self.assert_refused("stability", "--case", "query.outsid3",

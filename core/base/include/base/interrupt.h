@@ -4,11 +4,15 @@
 // handler can reach nothing else.
 #pragma once
 
+#include <functional>
+
 namespace probelab {
 
 void installInterruptHandler();
 bool interruptRequested();
 // Throws Interrupted once a signal has arrived.
 void throwIfInterrupted();
+// Does the work; true when a signal ended it early, for results of which a part is worth keeping.
+bool endsInterrupted(const std::function<void()>& work);
 
 }  // namespace probelab
