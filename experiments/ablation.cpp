@@ -12,7 +12,7 @@
 #include "ablation_files.h"
 #include "base/error.h"
 #include "base/files.h"
-#include "base/parse_twice.h"
+#include "base/parse_toml.h"
 #include "base/suggest.h"
 
 namespace probelab {
@@ -92,12 +92,7 @@ AblationRow readRow(const toml::table& table, const std::string& path) {
 }
 
 Ablation readAblation(std::string_view text, const std::string& path) {
-  toml::table table;
-  try {
-    table = parseTwice<toml::parse_error>([&] { return toml::parse(text, path); });
-  } catch (const toml::parse_error& e) {
-    throwInput("{}:{}: {}", path, e.source().begin.line, e.description());
-  }
+  const toml::table table = parseToml(text, path);
   checkKeys(table, kFileKeys, path);
   Ablation ablation;
   ablation.about = readText(table, "about", path);

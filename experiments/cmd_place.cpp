@@ -43,6 +43,7 @@ struct PlaceOptions {
   TruthOptions truth;
   std::string output, glb;
   std::optional<double> max_nrmse;
+  std::vector<const CLI::Option*> of_search;  // those that mean nothing without it
   int drawn_lights = 0;  // that the layout is also scored under
   CLI::Option* probes = nullptr;  // to tell whether it was given
 };
@@ -107,7 +108,7 @@ Json reportJson(const ProbeLayout& layout, const PlacementScene& of, uint64_t se
   return {{"inside_geometry", report.inside_geometry},
           {"pinned", report.pinned},
           {"clearance_m", report.has_clearance ? spreadJson(report.clearance_m) : Json(nullptr)},
-          {"spacing_m", spreadJson(report.spacing_m)},
+          {"spacing_m", report.stored > 1 ? spreadJson(report.spacing_m) : Json(nullptr)},
           {"reached", reached}};
 }
 
@@ -266,7 +267,7 @@ std::string formatDrawn(const Json& drawn) {
   std::ranges::sort(errors);
   return fmt::format("nrmse {} under {} (least {}, median {}, most {}), {} held-out receivers",
                      formatError(drawn["nrmse"]), errors.size(), formatNumber(errors.front()),
-                     formatNumber(errors[errors.size() / 2]), formatNumber(errors.back()),
+                     formatNumber(percentile(errors, 0.5)), formatNumber(errors.back()),
                      drawn["receivers"].dump());
 }
 
@@ -352,6 +353,10 @@ void protectFiles(const PlaceOptions& options, const OptionValues& strategy_opti
 }
 
 void runPlace(const PlaceOptions& options, const Invocation& invocation) {
+  for (const CLI::Option* option : options.of_search)
+    if (!options.max_nrmse && option->count() > 0)
+      throwInput("{} is for --max-nrmse; strategies that read truth have receivers of their own",
+                 option->get_name());
   checkOutput(options.output, ".json");
   if (!options.glb.empty()) checkOutput(options.glb, ".glb");
   checkRequirementNames(invocation.common.require, outlineOf());
@@ -426,7 +431,11 @@ void addPlaceCommand(Program& program) {
       ->check(checkPositiveInteger)
       ->group("Field");
   addTracingOptions(app, options->field);
+  const std::size_t before = app.get_options().size();
   addTruthOptions(app, options->truth);
+  const std::vector<CLI::Option*> all = app.get_options();
+  options->of_search.assign(all.begin() + static_cast<std::ptrdiff_t>(before), all.end());
+  options->of_search.push_back(app.get_option("--updates"));
 }
 
 }  // namespace probelab

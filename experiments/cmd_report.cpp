@@ -96,10 +96,10 @@ Json layoutView(const ReportOptions& options, const Invocation& invocation, Repo
 }
 
 // DIR/figures, and those of each study in DIR.
-Json allFigures(const fs::path& folder, ReportPage& page) {
-  Json figures = reportFigures(folder / "figures", page);
+Json allFigures(const fs::path& folder, ReportPage& page, const Invocation& invocation) {
+  Json figures = reportFigures(folder / "figures", page, invocation);
   for (const fs::path& inner : foldersIn(folder))
-    for (Json& figure : reportFigures(inner / "figures", page)) {
+    for (Json& figure : reportFigures(inner / "figures", page, invocation)) {
       figure["name"] = inner.filename().string() + "/" + figure["name"].get<std::string>();
       figures.push_back(std::move(figure));
     }
@@ -144,12 +144,14 @@ void runReport(ReportOptions& options, const Invocation& invocation) {
   const fs::path folder = options.folder;
   ReportPage page(static_cast<uint64_t>(std::llround(options.max_mib * 1024 * 1024)));
   // A folder's name, also for "." and "results/".
-  fs::path named = fs::weakly_canonical(folder);
+  fs::path named = plainPath(folder);
   if (!named.has_filename()) named = named.parent_path();
   Json data = {{"title", named.filename().string()}, {"version", buildInfo().version}};
   data["studies"] = reportStudies(folder);
-  data["figures"] = allFigures(folder, page);
+  data["figures"] = allFigures(folder, page, invocation);
   data["image_sets"] = reportImages(folder / "images", options.images, page);
+  if (!options.images.layer.empty() && data["image_sets"].empty())
+    throwInput("--layer {}: there are no images; add --image NAME=FILE.exr", options.images.layer);
   data["layout"] = layoutView(options, invocation, page);
   if (data["studies"].empty() && data["figures"].empty() && data["image_sets"].empty() &&
       data["layout"].is_null())

@@ -147,7 +147,7 @@ void addRunCommand(Program& program) {
       "probelab run experiments/studies/error_vs_n.toml --size smoke --jobs 2",
       [options](const Invocation& invocation) { runStudy(*options, invocation); });
   options->app = &app;
-  options->seed = app.get_option("--seed");
+  options->seed = app.get_option("--seed")->group("");  // hidden: the study names its seeds
   app.add_option("study", options->study, "which cells there are (experiments/studies)")
       ->type_name("STUDY.toml")
       ->required();
@@ -158,7 +158,8 @@ void addRunCommand(Program& program) {
   app.add_option("--size", options->size, "a part of the study that its file names, such as smoke")
       ->type_name("NAME")
       ->check(checkNamed);
-  app.add_option("--scale", options->scale, "that many times the seeds and the receivers")
+  app.add_option("--scale", options->scale,
+                 "that many times the seeds, and the receivers where the study's options say 'count'")
       ->type_name("K")
       ->check(checkPositiveInteger)
       ->capture_default_str();

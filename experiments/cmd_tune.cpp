@@ -14,6 +14,7 @@
 #include "base/build_info.h"
 #include "base/error.h"
 #include "base/files.h"
+#include "base/interrupt.h"
 #include "base/timer.h"
 #include "commands.h"
 #include "device.h"
@@ -30,9 +31,6 @@ namespace probelab {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kTableFile = "tune.json";
-constexpr const char* kMapFile = "bias_map.csv";
 
 // Everything that runs, made from the options.
 struct TuneSession {
@@ -85,11 +83,11 @@ std::vector<PartScore> scoreParts(TuneSession& session, const std::vector<TunePa
   return scores;
 }
 
-std::vector<TuneFold> leaveOneOut(TuneSession& session, const TuneOptions& options,
-                                  const Invocation& invocation) {
-  std::vector<TuneFold> folds;
-  if (!options.leave_one_out) return folds;
+void leaveOneOut(TuneSession& session, const TuneOptions& options, const Invocation& invocation,
+                 std::vector<TuneFold>& folds) {
+  if (!options.leave_one_out) return;
   for (const auto& scene : session.scenes) {
+    throwIfInterrupted();
     note(invocation, "leaving out {}", scene->scene.name);
     TuneProblem problem = session.problem;
     problem.parts = tuneParts(session.scenes, true, scene.get());
@@ -105,7 +103,6 @@ std::vector<TuneFold> leaveOneOut(TuneSession& session, const TuneOptions& optio
     fold.scores = scoreParts(session, parts, fold.tuned.params, invocation);
     folds.push_back(std::move(fold));
   }
-  return folds;
 }
 
 // Keys are checked before any work; those that act on lattices alone once layouts are there.
@@ -120,15 +117,14 @@ void prepare(TuneSession& session, const TuneOptions& options) {
 }
 
 struct TuneExtras {
-  Json json = Json::object();
+  Json json = {{"bias_map", nullptr}, {"searches", nullptr}, {"values", nullptr}};
   std::string bias_map;  // CSV; empty: none
   std::optional<FittedValues> values;
 };
 
-TuneExtras makeExtras(TuneSession& session, const TuneOptions& options, const TuneOutcome& outcome,
-                      const Invocation& invocation) {
-  TuneExtras extras;
-  extras.json["bias_map"] = extras.json["searches"] = extras.json["values"] = nullptr;
+void makeExtras(TuneSession& session, const TuneOptions& options, const TuneOutcome& outcome,
+                const Invocation& invocation, TuneExtras& extras) {
+  throwIfInterrupted();
   const ObjectiveSettings& objective = options.settings.objective;
   const bool map_wanted = !options.bias_map.empty() || !options.report.empty();
   if (map_wanted && options.bias_map_size > 0) {
@@ -148,7 +144,6 @@ TuneExtras makeExtras(TuneSession& session, const TuneOptions& options, const Tu
     extras.values = fitFieldValues(session.fields, *session.scenes.front(), outcome.tuned.params);
     extras.json["values"] = toJson(*extras.values);
   }
-  return extras;
 }
 
 Json wholeResult(const TuneOptions& options, const TuneSession& session, const TuneOutcome& outcome,
@@ -174,14 +169,15 @@ void writeOutputs(const TuneOptions& options, const TuneOutcome& outcome, const 
   if (!options.bias_map.empty() && !extras.bias_map.empty())
     writeTextFile(options.bias_map, extras.bias_map);
   if (!options.report.empty()) {
-    writeTextFile(fs::path(options.report) / kTableFile, table.dump(1) + "\n");
+    writeTextFile(fs::path(options.report) / kTuneTableFile, table.dump(1) + "\n");
     if (!extras.bias_map.empty())
-      writeTextFile(fs::path(options.report) / kMapFile, extras.bias_map);
+      writeTextFile(fs::path(options.report) / kTuneMapFile, extras.bias_map);
   }
   if (extras.values) writeValues(options.fit_values, extras.values->values);
   std::vector<std::string> written = {options.output};
-  for (const std::string& name : {options.bias_map, options.fit_values, options.report})
-    if (!name.empty()) written.push_back(name);
+  if (!options.bias_map.empty() && !extras.bias_map.empty()) written.push_back(options.bias_map);
+  if (extras.values) written.push_back(options.fit_values);
+  if (!options.report.empty()) written.push_back(options.report);
   note(invocation, "wrote {}", fmt::join(written, ", "));
 }
 
@@ -192,7 +188,8 @@ void runTune(TuneOptions options, const Invocation& invocation) {
   options.settings.solve.seed = invocation.common.seed;
   const Params from = resolveParams(options.of.field);
   const std::vector<std::string> names = keyNames(options, from);
-  tunedKeys(names, from);
+  if (tunedKeys(names, from).inner.empty() && options.compare_searches)
+    throwInput("--compare-searches: --vary names no parameter of the query to search for");
   const std::vector<TuneSetting> presets = presetSettings(options);
   Provenance provenance = makeProvenance(invocation);
   TuneSession session(options, invocation, provenance);
@@ -205,8 +202,12 @@ void runTune(TuneOptions options, const Invocation& invocation) {
   outcome.tuned = tuneParams(session.fields, session.problem, options.settings, invocation);
   outcome.scores =
       scoreParts(session, tuneParts(session.scenes, false), outcome.tuned.params, invocation);
-  outcome.folds = leaveOneOut(session, options, invocation);
-  const TuneExtras extras = makeExtras(session, options, outcome, invocation);
+  TuneExtras extras;
+  // The parameters are worth keeping without what comes after them.
+  const bool interrupted = endsInterrupted([&] {
+    leaveOneOut(session, options, invocation, outcome.folds);
+    makeExtras(session, options, outcome, invocation, extras);
+  });
   outcome.provenance.tracer = session.fields.tracer();
   requireNoValidationMessages(session.gpu);
   const double seconds = timer.seconds();
@@ -220,6 +221,7 @@ void runTune(TuneOptions options, const Invocation& invocation) {
     fmt::print("\n{:.0f} s, of which {:.0f} s for {} fields and {:.0f} s of solving\n", seconds,
                session.fields.seconds(), session.fields.count(), outcome.tuned.solve_s);
   });
+  if (interrupted) throw Interrupted();
 }
 
 }  // namespace

@@ -162,7 +162,11 @@ std::vector<std::string> strategyOptionPairs(const FieldOptions& options) {
 Params resolveParams(const FieldOptions& options) {
   Params params = loadParams(options.params);
   if (options.rays) setParam(params, fmt::format("rays={}", *options.rays));
-  for (const std::string& assignment : options.set) setParam(params, assignment);
+  for (const std::string& assignment : options.set) {
+    setParam(params, assignment);
+    if (options.rays && params.rays != *options.rays)
+      throwInput("--rays {} and --set {} disagree; give one of them", *options.rays, assignment);
+  }
   return params;
 }
 

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "base/build_info.h"
 #include "base/error.h"
@@ -69,6 +70,13 @@ void writeCached(const fs::path& path, const ProbeLayout& layout, const Scene& s
   writeLayout(path, layout, scene);
 }
 
+// Of options NAME=VALUE.
+std::set<std::string> givenNames(const std::vector<std::string>& pairs) {
+  std::set<std::string> names;
+  for (const std::string& pair : pairs) names.insert(pair.substr(0, pair.find('=')));
+  return names;
+}
+
 }  // namespace
 
 Scene trainScene(const Scene& scene) {
@@ -100,6 +108,7 @@ ProbeLayout obtainLayout(const PlacementScene& of, const FieldOptions& options,
                                 .probes = options.probes,
                                 .seed = seed,
                                 .options = resolveOptions(strategy, strategyOptionPairs(options)),
+                                .given = givenNames(strategyOptionPairs(options)),
                                 .progress = progress};
   const fs::path cached = cache.empty() ? "" : cachePath(cache, of.scene, strategy, input);
   if (!cached.empty())

@@ -23,24 +23,26 @@ std::string captionOf(fs::path figure) {
   return text;
 }
 
-void checkKind(const fs::path& path, const std::vector<std::byte>& bytes) {
+bool isWhatItsNameSays(const fs::path& path, const std::vector<std::byte>& bytes) {
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
-  const bool png = path.extension() == ".png";
-  if (png ? text.starts_with("\x89PNG\r\n\x1a\n") : text.find("<svg") != std::string_view::npos)
-    return;
-  throwInput("{}: is no {} file; make the figures again", path.string(), png ? "PNG" : "SVG");
+  return path.extension() == ".png" ? text.starts_with("\x89PNG\r\n\x1a\n")
+                                    : text.find("<svg") != std::string_view::npos;
 }
 
 }  // namespace
 
-Json reportFigures(const fs::path& folder, ReportPage& page) {
+Json reportFigures(const fs::path& folder, ReportPage& page, const Invocation& invocation) {
   Json figures = Json::array();
   for (const fs::path& path : filesIn(folder, {".png", ".svg"})) {
     fs::path vector = path;
     std::error_code ec;
     if (path.extension() == ".png" && fs::exists(vector.replace_extension(".svg"), ec)) continue;
     const std::vector<std::byte> bytes = readFile(path);
-    checkKind(path, bytes);
+    if (!isWhatItsNameSays(path, bytes)) {
+      note(invocation, "{}: left out, it is no {} file; make the figures again", path.string(),
+           path.extension() == ".png" ? "PNG" : "SVG");
+      continue;
+    }
     figures.push_back({{"name", path.stem().string()},
                        {"caption", captionOf(path)},
                        {"type", path.extension() == ".png" ? "image/png" : "image/svg+xml"},

@@ -5,13 +5,15 @@
 #include <filesystem>
 
 #include "json.h"
+#include "program.h"
 #include "report_page.h"
 
 namespace probelab {
 
 // Every figure of the folder, by name: [{name, caption, type: media type, blob}]. A figure is
-// <name>.svg or, without one, <name>.png; its caption is <name>.txt. Throws InputError for a file
-// that is not what its name says.
-Json reportFigures(const std::filesystem::path& folder, ReportPage& page);
+// <name>.svg or, without one, <name>.png; its caption is <name>.txt. A file that is not what its
+// name says is noted and left out.
+Json reportFigures(const std::filesystem::path& folder, ReportPage& page,
+                   const Invocation& invocation);
 
 }  // namespace probelab

@@ -199,6 +199,7 @@ std::vector<ProbeValues> csvValues(const std::string& path, std::size_t probes) 
     throwInput("{}: line 1: needs a column 'probe' with the index of each probe", path);
   const auto key = static_cast<std::size_t>(index - names.begin());
   std::vector<ProbeValues> columns;
+  std::vector<uint8_t> seen(probes, 0);
   for (const std::string& name : names)
     columns.push_back({name, "", "from " + path, std::vector<float>(probes, kNone)});
   for (std::size_t l = 1; l < lines.size(); ++l) {
@@ -209,6 +210,8 @@ std::vector<ProbeValues> csvValues(const std::string& path, std::size_t probes) 
     if (!(probe >= 0 && probe < static_cast<double>(probes)) || probe != std::floor(probe))
       throwInput("{}: there is no probe {}; the layout has {}, from 0 on", where, lines[l][key],
                  probes);
+    if (seen[static_cast<std::size_t>(probe)]++ != 0)
+      throwInput("{}: probe {} has had a line before", where, lines[l][key]);
     for (std::size_t c = 0; c < names.size(); ++c)
       if (!lines[l][c].empty())
         columns[c].values[static_cast<std::size_t>(probe)] =

@@ -77,8 +77,11 @@ Cell readCellFile(const fs::path& path, std::vector<std::string>& columns) {
   if (!whole) throwInput("no result of 'probelab run'; delete the file and run the study again");
   Cell cell;
   cell.id = path.stem().string();
-  for (const auto& [name, value] : json["cell"]["axes"].items())
-    cell.axes.emplace_back(name, plainText(value));
+  for (const auto& [name, value] : json["cell"]["axes"].items()) {
+    if (!value.is_string())
+      throwInput("axis '{}' is no text; delete the file and run the study again", name);
+    cell.axes.emplace_back(name, value.get<std::string>());
+  }
   const Json provenance = json.value("provenance", Json::object());
   for (const char* name : {"version", "device", "driver", "tracer", "compiler", "build_type"})
     if (provenance.is_object() && provenance.contains(name))
@@ -190,7 +193,7 @@ Json studyJson(const fs::path& folder) {
     if (!fs::exists(folder / "cells" / (id + ".json"), ec))
       failures.push_back({{"id", id}, {"error", "no result; its log ends: " + lastLine(log)}});
   }
-  const fs::path plain = fs::weakly_canonical(folder);
+  const fs::path plain = plainPath(folder);
   Json json = {{"name", plain.filename().string()}, {"provenance", provenanceJson(cells)}};
   json["columns"] = columnsJson(axes, numbers, order);
   json["rows"] = rowsJson(cells, axes, order);
@@ -226,12 +229,12 @@ std::vector<fs::path> foldersIn(const fs::path& folder) {
 
 Json reportStudies(const fs::path& folder) {
   Json studies = Json::array();
-  if (fs::is_directory(folder / "cells")) {
+  if (isFolder(folder / "cells")) {
     studies.push_back(studyJson(folder));
     return studies;
   }
   for (const fs::path& inner : foldersIn(folder))
-    if (fs::is_directory(inner / "cells")) studies.push_back(studyJson(inner));
+    if (isFolder(inner / "cells")) studies.push_back(studyJson(inner));
   return studies;
 }
 

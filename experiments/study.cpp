@@ -27,7 +27,8 @@ const std::set<std::string> kOutputFiles = {"output", "bias-map", "fit-values", 
 const std::set<std::string> kOutputFolders = {"report", "dump-field"};
 const std::set<std::string> kInputs = {"layout", "params", "ablation", "receivers",
                                        "values", "from",   "against",  "points"};
-const std::string kPathOption = "path=";  // of --option
+const std::set<std::string> kInputLists = {"against"};  // of which several are named, a,b
+const std::string kPathOption = "path=";                // of --option
 constexpr std::size_t kMostCells = 100000;
 
 // Options of a list are all given, others replace what was there.
@@ -80,7 +81,7 @@ class Expansion {
         cell.scene = path;
         cell.options = plan_.options;
         if (!state.empty()) cell.options["state"] = {state};
-        cell.axes = {{"scene", names[i]}, {"state", state.empty() ? scene.state : state}};
+        cell.axes = {{"scene", names[i]}, {"state", state.empty() ? ownState(scene) : state}};
         addAxes(cell, 0, scene.content_hash);
       }
     }
@@ -93,6 +94,11 @@ class Expansion {
   }
 
  private:
+  // Of a study that names no states: the scene's first, but `tune` has all train states at once.
+  std::string ownState(const Scene& scene) const {
+    return plan_.command == "tune" ? "train" : scene.state;
+  }
+
   std::vector<std::string> statesOf(const Scene& scene) {
     if (plan_.states.empty() || scene.states.empty()) return {""};
     std::vector<std::string> names;
@@ -159,10 +165,30 @@ class Expansion {
     const bool path_option = name == "option" && value.starts_with(kPathOption);
     if (!path_option && !kInputs.contains(name)) return value;
     const std::string prefix = path_option ? kPathOption : "";
-    const fs::path beside = folder_ / value.substr(prefix.size());
-    if (!fs::is_regular_file(beside)) return value;
-    value = prefix + beside.lexically_normal().string();
-    return prefix + contentHash(readFile(beside));
+    std::string rest = value.substr(prefix.size());
+    if (!kInputLists.contains(name) || isFile(folder_ / rest)) {
+      const std::string identity = identifyFile(rest);
+      value = prefix + rest;
+      return prefix + identity;
+    }
+    std::string identities;
+    value.clear();
+    for (std::size_t begin = 0; begin <= rest.size();) {
+      const std::size_t end = std::min(rest.find(',', begin), rest.size());
+      std::string part = rest.substr(begin, end - begin);
+      identities += (begin > 0 ? "," : "") + identifyFile(part);
+      value += (begin > 0 ? "," : "") + part;
+      begin = end + 1;
+    }
+    return identities;
+  }
+
+  // The hash of a file beside the study, and `name` as the way there; a name of no file as it is.
+  std::string identifyFile(std::string& name) const {
+    const fs::path beside = folder_ / name;
+    if (!isFile(beside)) return name;
+    name = beside.lexically_normal().string();
+    return contentHash(readFile(beside));
   }
 
   const StudyPlan& plan_;
@@ -196,7 +222,7 @@ void checkOptionNames(const Study& study,
     std::vector<std::string>& of = names[cell.command];
     if (of.empty()) of = known(cell.command);
     for (const auto& [name, values] : cell.options)
-      if (!values.empty() && std::find(of.begin(), of.end(), name) == of.end())
+      if (std::find(of.begin(), of.end(), name) == of.end())
         throwInput("{}: {} has no option '{}'{}", study.path, cell.command, name,
                    suggestion(name, of));
   }

@@ -65,7 +65,7 @@ void checkOptionNames(const Study& study,
 
 struct StudySelection {
   std::string size;         // empty: the whole study
-  int scale = 1;            // times the seeds and the receivers
+  int scale = 1;            // times the seeds, and the options' count
   std::string device = {};  // --device; results of another one are other results
 };
 

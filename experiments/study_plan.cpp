@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 #include "base/files.h"
-#include "base/parse_twice.h"
+#include "base/parse_toml.h"
 #include "base/suggest.h"
 
 namespace probelab {
@@ -99,12 +99,14 @@ struct Reader {
   }
   std::vector<std::string> seeds(const toml::node& node) const {
     std::vector<std::string> seeds;
+    std::set<int64_t> seen;
     for (const toml::node& element : list(node, "seeds")) {
       const auto value = element.value_exact<int64_t>();
       if (!value || *value < 0) throwInput("{}: seeds must be whole numbers from 0", at(element));
-      seeds.push_back(fmt::format("{}", *value));
-      if (std::count(seeds.begin(), seeds.end(), seeds.back()) > 1)
+      if (!seen.insert(*value).second)
         throwInput("{}: seed {} stands twice", at(element), *value);
+      seeds.push_back(fmt::format("{}", *value));
+      if (seeds.size() > kMostSeeds) throwInput("{}: more than {} seeds", at(node), kMostSeeds);
     }
     return seeds;
   }
@@ -123,7 +125,15 @@ StudyAxis readAxis(const Reader& read, const toml::node& node) {
   for (const char* own : {"scene", "state", "seed"})
     if (axis.name == own)
       throwInput("{}: '{}' is an axis of every study; see {}s", read.at(table), own, own);
+  for (const char* own : {"id", "seconds"})
+    if (axis.name == own)
+      throwInput("{}: '{}' is a column of every study's table; give the axis another name",
+                 read.at(table), own);
   if (table.get("value") != nullptr) {
+    for (const char* other : {"option", "values"})
+      if (const toml::node* node = table.get(other))
+        throwInput("{}: an axis has [[axis.value]] or option and values, not both",
+                   read.at(*node));
     for (const toml::node& entry : read.list(*table.get("value"), "value")) {
       if (!entry.is_table()) throwInput("{}: write values as [[axis.value]]", read.at(entry));
       const toml::table& value = *entry.as_table();
@@ -173,7 +183,7 @@ StudyPlan readPlan(const Reader& read, const toml::table& table) {
   plan.command = read.command(need("command"));
   for (const std::string& scene : read.texts(need("scenes"), "scenes")) {
     const fs::path path = fs::path(read.path).parent_path() / scene;
-    if (!fs::exists(path))
+    if (!isFile(path))
       throwInput("{}: scene '{}' is not there", read.at(need("scenes")), scene);
     const std::string normal = path.lexically_normal().string();
     plan.scenes.push_back(normal.starts_with('-') ? "./" + normal : normal);
@@ -222,18 +232,28 @@ void narrowScenes(const Reader& read, const toml::node& wanted, StudyPlan& plan)
   plan.scenes = std::move(kept);
 }
 
+// The names of the sizes, all of which are well formed, not only the one that is asked for.
+std::vector<std::string> readSizes(const Reader& read, const toml::table& table) {
+  std::vector<std::string> names;
+  const toml::node* sizes = table.get("size");
+  if (sizes == nullptr) return names;
+  if (!sizes->is_table()) throwInput("{}: write sizes as [size.NAME]", read.at(*sizes));
+  for (const auto& [key, node] : *sizes->as_table()) {
+    names.emplace_back(key.str());
+    if (!node.is_table()) throwInput("{}: write sizes as [size.{}]", read.at(node), names.back());
+    read.checkKeys(*node.as_table(), kSizeKeys);
+  }
+  return names;
+}
+
 void applySize(const Reader& read, const toml::table& table, const std::string& size,
                StudyPlan& plan) {
-  std::vector<std::string> names;
-  const toml::table* sizes = table["size"].as_table();
-  if (sizes != nullptr)
-    for (const auto& [key, node] : *sizes) names.emplace_back(key.str());
+  const std::vector<std::string> names = readSizes(read, table);
+  if (size.empty()) return;
   if (std::find(names.begin(), names.end(), size) == names.end())
     throwInput("--size: {} has no size '{}'{}", read.path, size,
                names.empty() ? "; it has no sizes" : suggestion(size, names));
-  const toml::table* part = sizes->get(size)->as_table();
-  if (part == nullptr) throwInput("{}: write sizes as [size.{}]", read.path, size);
-  read.checkKeys(*part, kSizeKeys);
+  const toml::table* part = table["size"][size].as_table();
   if (const toml::node* scenes = part->get("scenes")) narrowScenes(read, *scenes, plan);
   if (const toml::node* states = part->get("states")) readStates(read, *states, plan);
   if (const toml::node* seeds = part->get("seeds")) plan.seeds = read.seeds(*seeds);
@@ -265,6 +285,18 @@ void checkAxes(const Reader& read, const StudyPlan& plan) {
       }
 }
 
+// One of the study, or of a size, that every value of an axis sets would have no effect.
+void checkOptions(const Reader& read, const StudyPlan& plan) {
+  for (const StudyAxis& axis : plan.axes)
+    for (const auto& [option, values] : plan.options)
+      if (option != "set" && option != "option" &&
+          std::ranges::all_of(axis.values, [&](const StudyAxisValue& value) {
+            return value.options.contains(option);
+          }))
+        throwInput("{}: the axis '{}' sets '{}', so that the options' has no effect", read.path,
+                   axis.name, option);
+}
+
 // More seeds, and more receivers, for machines that can afford them.
 void applyScale(int scale, StudyPlan& plan) {
   std::set<std::string> seeds(plan.seeds.begin(), plan.seeds.end());
@@ -284,17 +316,11 @@ void applyScale(int scale, StudyPlan& plan) {
 
 StudyPlan readStudyPlan(const fs::path& path, const StudySelection& selection) {
   const Reader read{path.string()};
-  toml::table table;
-  try {
-    const std::string text = readTextFile(path);
-    table = parseTwice<toml::parse_error>(
-        [&] { return toml::parse(text, path.string()); });
-  } catch (const toml::parse_error& error) {
-    throwInput("{}:{}: {}", path.string(), error.source().begin.line, error.description());
-  }
+  const toml::table table = parseToml(readTextFile(path), path.string());
   StudyPlan plan = readPlan(read, table);
   checkAxes(read, plan);
-  if (!selection.size.empty()) applySize(read, table, selection.size, plan);
+  applySize(read, table, selection.size, plan);
+  checkOptions(read, plan);
   applyScale(selection.scale, plan);
   return plan;
 }

@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <map>
@@ -162,7 +163,7 @@ class CellRunner {
       while (next < missing.size() || !children_.empty()) {
         throwIfInterrupted();
         while (next < missing.size() && static_cast<int>(children_.size()) < run_.jobs)
-          children_.push_back(startCell(*missing[next++], run_, program_, invocation_.common));
+          start(*missing[next++]);
         if (!reap()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
         progress.update(finished_);
       }
@@ -176,6 +177,16 @@ class CellRunner {
   }
 
  private:
+  // Another process may have finished it meanwhile.
+  void start(const StudyCell& cell) {
+    if (!readCell(run_, cell)) {
+      children_.push_back(startCell(cell, run_, program_, invocation_.common));
+      return;
+    }
+    ++outcome_.found;
+    finished_ += seconds_[&cell];
+  }
+
   void planWork(const std::vector<const StudyCell*>& missing) {
     std::vector<std::optional<Json>> results;
     for (const StudyCell& cell : study_.cells) results.push_back(readCell(run_, cell));
@@ -257,6 +268,17 @@ void addNumbers(const Json& json, const std::string& name, std::map<std::string,
   row[name] = json.dump();
 }
 
+// A number that is called as an axis is must not stand in its place.
+void renameColumn(const std::string& axis, std::map<std::string, std::string>& row,
+                  std::vector<std::string>& columns) {
+  const auto number = row.extract(axis);
+  if (number.empty()) return;
+  const std::string name = "result." + axis;
+  row[name] = number.mapped();
+  std::erase(columns, axis);
+  if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
+}
+
 std::string quoteCsv(const std::string& text) {
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string quoted = "\"";
@@ -281,8 +303,11 @@ std::optional<Json> readCell(const StudyRun& run, const StudyCell& cell) {
   const auto id = own->find("id"), seconds = own->find("seconds");
   if (id == own->end() || *id != cell.id || seconds == own->end() || !seconds->is_number())
     return std::nullopt;
-  for (const fs::path& output : cellOutputs(cell, false))
-    if (!fs::exists(run.folder / "files" / cell.id / output, ec)) return std::nullopt;
+  for (const bool folders : {false, true})
+    for (const fs::path& output : cellOutputs(cell, folders)) {
+      const fs::path made = run.folder / "files" / cell.id / output;
+      if (!fs::exists(made, ec) || (folders && fs::is_empty(made, ec))) return std::nullopt;
+    }
   return json;
 }
 
@@ -294,9 +319,9 @@ namespace {
 double roughSeconds(const StudyCell& cell) {
   const auto number = [&](const char* name, double otherwise) {
     const auto found = cell.options.find(name);
-    return found == cell.options.end() || found->second.empty()
-               ? otherwise
-               : std::atof(found->second[0].c_str());
+    if (found == cell.options.end() || found->second.empty()) return otherwise;
+    const double value = std::atof(found->second[0].c_str());
+    return std::isfinite(value) ? value : otherwise;  // the cell will refuse it
   };
   const auto mode = cell.options.find("mode");
   const bool temporal =
@@ -342,6 +367,7 @@ std::string studyTable(const Study& study, const StudyRun& run) {
     for (const char* left_out : {"cell", "provenance", "params", "seed"}) result->erase(left_out);
     rows.emplace_back(&cell, std::map<std::string, std::string>{});
     addNumbers(*result, "", rows.back().second, columns);
+    for (const std::string& axis : study.axes) renameColumn(axis, rows.back().second, columns);
     rows.back().second["seconds"] = fmt::format("{:.3g}", seconds);
   }
   columns.push_back("seconds");

@@ -5,7 +5,9 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "base/error.h"
 #include "base/files.h"
@@ -29,6 +31,9 @@ std::vector<std::string> outputsOf(const TuneOptions& options) {
   std::vector<std::string> outputs = {options.output};
   for (const std::string& file : {options.bias_map, options.fit_values})
     if (!file.empty()) outputs.push_back(file);
+  if (!options.report.empty())
+    for (const char* file : {kTuneTableFile, kTuneMapFile})
+      outputs.push_back((fs::path(options.report) / file).string());
   return outputs;
 }
 
@@ -41,7 +46,12 @@ void protectFiles(const TuneOptions& options) {
   inputs.insert(inputs.end(), options.against.begin(), options.against.end());
   for (const std::string& option : options.of.field.option)  // files that strategies read
     inputs.push_back(option.substr(option.find('=') + 1));
-  for (const std::string& output : outputsOf(options))
+  const std::vector<std::string> outputs = outputsOf(options);
+  std::set<fs::path> targets;
+  for (const std::string& output : outputs)
+    if (!targets.insert(plainPath(output)).second)
+      throwInput("{}: two outputs of this command go there; name another", output);
+  for (const std::string& output : outputs)
     for (const std::string& input : inputs) {
       std::error_code ec;  // a file that is missing is not the same as another
       if (fs::equivalent(output, input, ec))
@@ -85,12 +95,17 @@ void checkScenes(const TuneOptions& options) {
 
 void checkOutputs(const TuneOptions& options) {
   checkOutput(options.output, ".toml");
-  if (!options.bias_map.empty()) checkOutput(options.bias_map, ".csv");
+  if (!options.bias_map.empty()) {
+    if (options.bias_map_size == 0)
+      throwInput("--bias-map {}: --bias-map-size 0 draws none; leave one of them out",
+                 options.bias_map);
+    checkOutput(options.bias_map, ".csv");
+  }
   if (!options.fit_values.empty()) checkOutput(options.fit_values, ".json");
   if (!options.report.empty()) {
-    if (!fs::is_directory(options.report))
+    if (!isFolder(options.report))
       throwInput("--report {}: no such folder; make it first", options.report);
-    checkWritable(fs::path(options.report) / "tune.json");
+    checkWritable(fs::path(options.report) / kTuneTableFile);
   }
   protectFiles(options);
 }
@@ -112,7 +127,7 @@ void addSearchOptions(CLI::App& app, TuneOptions& options) {
       ->group(group);
   app.add_option("--starts", options.settings.solve.starts, "starts of the first solution")
       ->type_name("N")
-      ->check(checkPositiveInteger)
+      ->check(CLI::Range(1, options.settings.solve.candidates + 1))
       ->capture_default_str()
       ->group(group);
   app.add_option("--outer-evaluations", options.settings.outer_evaluations,

@@ -15,6 +15,10 @@ class App;
 
 namespace probelab {
 
+// In the folder of --report.
+constexpr const char* kTuneTableFile = "tune.json";
+constexpr const char* kTuneMapFile = "bias_map.csv";
+
 struct TuneOptions {
   std::vector<std::string> scenes;
   TuneSceneOptions of;

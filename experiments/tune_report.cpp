@@ -210,6 +210,33 @@ std::string formatScenes(const TuneOutcome& outcome) {
   return fmt::format("{}", fmt::join(texts, "; "));
 }
 
+// "grid, 52 and 61 probes": a number a scene.
+std::string formatLayouts(const TuneOutcome& outcome) {
+  std::vector<std::string> counts;
+  for (const auto& scene : outcome.scenes)
+    counts.push_back(std::to_string(scene->layout.positions.size()));
+  return fmt::format("{}, {} probes", outcome.scenes.front()->layout.strategy,
+                     fmt::join(counts, " and "));
+}
+
+std::string formatReceivers(const TuneOutcome& outcome) {
+  std::vector<std::string> counts;
+  for (const auto& scene : outcome.scenes)
+    for (const TuneState& state : scene->states) {
+      const std::string count = std::to_string(state.receivers.points.size());
+      if (std::ranges::find(counts, count) == counts.end()) counts.push_back(count);
+    }
+  return fmt::format("{} a state", fmt::join(counts, " or "));
+}
+
+std::string formatSettled(const TuneOutcome& outcome) {
+  const Tuned& t = outcome.tuned;
+  if (outcome.names.empty()) return "nothing was to be tuned";
+  if (outcome.problem.keys.inner.empty()) return "no rounds: the parameters change the atlases";
+  return t.settled ? fmt::format("after {} rounds", t.rounds.size())
+                   : fmt::format("no: --rounds {} were used up", t.rounds.size());
+}
+
 std::string formatFolds(const TuneOutcome& outcome) {
   std::vector<std::string> header = {"without"};
   header.insert(header.end(), outcome.names.begin(), outcome.names.end());
@@ -282,15 +309,11 @@ std::string formatOutcome(const TuneOutcome& o) {
   std::string text = formatFields(
       {{"scenes", formatScenes(o)},
        {"from", o.problem.from.name},
-       {"layout", fmt::format("{}, {} probes", o.scenes.front()->layout.strategy,
-                              o.scenes.front()->layout.positions.size())},
-       {"receivers",
-        fmt::format("{} a state", o.scenes.front()->states.front().receivers.points.size())},
+       {"layout", formatLayouts(o)},
+       {"receivers", formatReceivers(o)},
        {"device", fmt::format("{}, tracer {}", o.provenance.device, o.provenance.tracer)},
        {"starts", formatStarts(t.first)},
-       {"settled", o.names.empty() ? std::string("nothing was to be tuned")
-                   : t.settled     ? fmt::format("after {} rounds", t.rounds.size())
-                               : fmt::format("no: --rounds {} were used up", t.rounds.size())}});
+       {"settled", formatSettled(o)}});
   if (!t.rounds.empty()) text += "\n" + formatRounds(t);
   if (!o.names.empty()) text += "\n" + formatParameters(o);
   text += formatScores(o.scores);

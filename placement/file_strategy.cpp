@@ -52,10 +52,11 @@ ProbeLayout placeFile(const PlacementInput& input) {
   const std::string extension = extensionOf(path);
   if (extension == ".json") {
     for (const StrategyOption& option : scatteredOptions())
-      if (input.options.at(option.name) != option.fallback)
+      if (input.given.contains(option.name))
         throwInput("--option {}: {} is a layout and brings its own weights", option.name, path);
     ProbeLayout layout = readLayout(path, input.scene);
     checkProbes(input, path, layout.positions);
+    layout.options = {{"path", path}};
     return layout;
   }
   FilePoints points;

@@ -24,15 +24,7 @@ double spreadOf(const std::array<double, 3>& logs) {
 }
 
 ProbeLayout placeGrid(const PlacementInput& input) {
-  const bool free_space = choiceOption(input, "box", {"free", "bounds"}) == 0;
-  const double vertical = numberOption(input, "vertical", 0.25, 8);
-  const double offset = numberOption(input, "offset", -1, 1);
-  const LatticeBox box{free_space, free_space ? kInset : 0};
-  const Vec3i count = cubicCounts(outerBox(input, box).extent(), input.probes, vertical);
-  Lattice lattice = latticeIn(input, box, count);
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    if (count[axis] > 1) lattice.first[axis] += lattice.spacing[axis] * static_cast<float>(offset);
-  return usableLayout(lattice, input);
+  return usableLayout(gridLattice(input), input);
 }
 
 // A lattice of one point that lies at p.
@@ -56,6 +48,8 @@ const Strategy kGridStrategy = {
     placeGrid};
 
 namespace {
+
+constexpr double kTie = 1e-9;  // of spreads
 
 struct RankedCounts {
   double spread;
@@ -83,24 +77,49 @@ void forCounts(const Vec3f& box_edges, int probes, double vertical, const Visit&
 
 int pointsOf(const Vec3i& count) { return count.x * count.y * count.z; }
 
+// Longest edge of what a point of the box answers for. Cells between points say nothing of it on an
+// axis of one or two points.
+float longestShare(const Vec3f& edges, const Vec3i& count) {
+  float longest = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    longest = std::max(longest, edges[axis] / static_cast<float>(count[axis]));
+  return longest;
+}
+
 }  // namespace
+
+Lattice gridLattice(const PlacementInput& input) {
+  const bool free_space = choiceOption(input, "box", {"free", "bounds"}) == 0;
+  const double vertical = numberOption(input, "vertical", 0.25, 8);
+  const double offset = numberOption(input, "offset", -1, 1);
+  const LatticeBox box{free_space, free_space ? kInset : 0};
+  const Vec3i count = cubicCounts(outerBox(input, box).extent(), input.probes, vertical);
+  Lattice lattice = latticeIn(input, box, count);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (count[axis] > 1) lattice.first[axis] += lattice.spacing[axis] * static_cast<float>(offset);
+  return lattice;
+}
 
 Vec3i cubicCounts(const Vec3f& edges, int probes, double vertical) {
   Vec3i best(1, 1, 1);
   double best_spread = std::numeric_limits<double>::infinity();
+  const auto better = [&](double spread, const Vec3i& count) {
+    if (std::abs(spread - best_spread) >= kTie) return spread < best_spread;
+    if (pointsOf(count) != pointsOf(best)) return pointsOf(count) > pointsOf(best);
+    return longestShare(edges, count) < longestShare(edges, best);
+  };
   forCounts(edges, probes, vertical, [&](double spread, const Vec3i& count) {
-    const bool tie = std::abs(spread - best_spread) < 1e-9;
-    const bool larger = pointsOf(count) > pointsOf(best);
-    if (tie ? larger : spread < best_spread) best = count, best_spread = spread;
+    if (better(spread, count)) best = count, best_spread = spread;
   });
   return best;
 }
 
 std::vector<Vec3i> likelyCounts(const Vec3f& edges, int probes, std::size_t most) {
   std::vector<RankedCounts> ranked;
-  const auto better = [](const RankedCounts& a, const RankedCounts& b) {
+  const auto better = [&](const RankedCounts& a, const RankedCounts& b) {
     if (a.spread != b.spread) return a.spread < b.spread;
-    return pointsOf(a.count) > pointsOf(b.count);
+    if (pointsOf(a.count) != pointsOf(b.count)) return pointsOf(a.count) > pointsOf(b.count);
+    return longestShare(edges, a.count) < longestShare(edges, b.count);
   };
   forCounts(edges, probes, 1, [&](double spread, const Vec3i& count) {
     ranked.push_back({spread, count});

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <string>
@@ -27,6 +28,24 @@ std::vector<std::string_view> cellsOf(std::string_view line) {
   }
 }
 
+bool isLetter(std::string_view text) {
+  return text.size() == 1 && std::isalpha(static_cast<unsigned char>(text[0])) != 0;
+}
+
+// Columns in another order would be read as x, y, z.
+void checkHeader(const std::vector<std::string_view>& cells, const std::filesystem::path& path,
+                 int line) {
+  std::string names;
+  for (const std::string_view cell : cells) {
+    if (!names.empty()) names += ',';
+    for (const char c : cell)
+      names += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  if (names != "x,y,z" && names != "x,y,z,pinned")
+    throwInput("{}: line {}: the columns are '{}'; x,y,z or x,y,z,pinned is needed", path.string(),
+               line, printable(names));
+}
+
 bool readNumber(std::string_view text, double& value) {
   if (text.starts_with('+')) text.remove_prefix(1);
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -47,9 +66,12 @@ FilePoints readCsvPoints(const std::filesystem::path& path) {
     ++number;
     if (line.empty() || line.starts_with('#')) continue;
     const std::vector<std::string_view> cells = cellsOf(line);
-    const bool header = first && !cells[0].empty() && (cells[0] == "x" || cells[0] == "X");
+    const bool header = first && isLetter(cells[0]);
     first = false;
-    if (header) continue;
+    if (header) {
+      checkHeader(cells, path, number);
+      continue;
+    }
     Vec3d p;
     double pinned = 0;
     const bool right =

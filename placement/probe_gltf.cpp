@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Only nodes and points: the whole of glTF is core/scene's. Nothing in the file is trusted.
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -180,16 +182,25 @@ void addPoints(const File& file, std::size_t accessor_index, const Mat4d& to_wor
   const std::size_t begin = countOf(file, view, "byteOffset", 0, "a bufferView") +
                             countOf(file, accessor, "byteOffset", 0, element);
   // None of these can overflow: count is below 2^25, and the others are below 2^42.
-  const bool fits = begin + 12 <= bytes.size() &&
-                    (count <= 1 || stride <= (bytes.size() - begin - 12) / (count - 1));
+  const std::size_t end =
+      std::min(bytes.size(), countOf(file, view, "byteOffset", 0, "a bufferView") +
+                                 countOf(file, view, "byteLength", bytes.size(), "a bufferView"));
+  const bool fits =
+      begin + 12 <= end && (count <= 1 || stride <= (end - begin - 12) / (count - 1));
   if (stride < 12 || (count > 0 && !fits))
-    throwInput("{}: {}: it reaches beyond its buffer", file.name, element);
+    throwInput("{}: {}: it reaches beyond its bufferView", file.name, element);
   for (std::size_t i = 0; i < count; ++i) {
     float p[3];
     std::memcpy(p, bytes.data() + begin + i * stride, 12);
     points.world.push_back(transformPoint(to_world, Vec3d(Vec3f(p[0], p[1], p[2]))));
     points.pinned.push_back(0);
   }
+}
+
+// "probe", "probe 12", "probe.001", but not "probes" or "probelab".
+bool isProbeName(const std::string& name) {
+  return name.starts_with("probe") &&
+         (name.size() == 5 || std::isalpha(static_cast<unsigned char>(name[5])) == 0);
 }
 
 class Walk {
@@ -200,13 +211,14 @@ class Walk {
   void visit(std::size_t index, const Mat4d& parent, int depth) {
     const Json& node = nodes_[index];
     const std::string element = fmt::format("node {}", index);
-    if (seen_[index] || depth > kMostDepth)
+    if (seen_[index])
       throwInput("{}: {}: it has two parents or is its own", file_.name, element);
+    if (depth > kMostDepth)
+      throwInput("{}: {}: it lies more than {} nodes deep", file_.name, element, kMostDepth);
     seen_[index] = true;
     const Mat4d to_world = parent * nodeTransform(file_, node, element);
     const auto name = node.find("name");
-    if (name != node.end() && name->is_string() &&
-        name->get_ref<const std::string&>().starts_with("probe"))
+    if (name != node.end() && name->is_string() && isProbeName(name->get_ref<const std::string&>()))
       addNode(node, to_world);
     else
       addMesh(node, to_world, element);
@@ -224,8 +236,9 @@ class Walk {
  private:
   void addNode(const Json& node, const Mat4d& to_world) {
     const auto extras = node.find("extras");
-    const bool pinned = extras != node.end() && extras->is_object() &&
-                        extras->value("pinned", Json()) == Json(true);
+    const Json pin = extras != node.end() && extras->is_object() ? extras->value("pinned", Json())
+                                                                 : Json();
+    const bool pinned = pin == Json(true) || pin == Json(1);
     points_.world.push_back(transformPoint(to_world, Vec3d()));
     points_.pinned.push_back(pinned ? 1 : 0);
   }

@@ -11,6 +11,7 @@
 #include "base/parallel.h"
 #include "placement/distance.h"
 #include "placement/free_space.h"
+#include "placement/grid.h"
 #include "placement/lattices.h"
 #include "shared/light.h"
 #include "trace/sampling.h"
@@ -73,6 +74,15 @@ struct Mover {
     return std::nullopt;
   }
 
+  // Off the surface that it lies on, to the side that is free.
+  std::optional<Vec3f> leaveSurface(const Vec3f& from) const {
+    const std::optional<ClosestPoint> closest = distance.closest(from);
+    if (!closest) return std::nullopt;
+    for (const float side : {1.0f, -1.0f})
+      if (const auto p = exitAlong(from, closest->normal * side, 0)) return p;
+    return std::nullopt;
+  }
+
   // A step from p of clearance `clear` that gains some, or at least loses none and leaves another
   // surface as the closest one, not opposite (in a corner clearance grows only when the last wall
   // is left behind).
@@ -108,8 +118,10 @@ struct Mover {
   }
 
   std::optional<Vec3f> move(const Vec3f& from) const {
-    if (isUsable(input, from)) return gainClearance(from, from);
-    const std::optional<Vec3f> out = leaveSolid(from);
+    const bool usable = isUsable(input, from);
+    if (usable && distance.clearance(from) > 0) return gainClearance(from, from);
+    std::optional<Vec3f> out = usable ? leaveSurface(from) : leaveSolid(from);
+    if (!out && usable) out = from;
     if (!out) return std::nullopt;
     return gainClearance(from, *out);
   }
@@ -158,8 +170,13 @@ ProbeLayout placeRelocated(const PlacementInput& input) {
       return bestLattice(input, finish);
     case 2:
       return bestSparseLattice(input, true, finish);
-    default:
-      return finish(kGridStrategy.place(input));
+    default: {
+      // With all of its points, also where none can stay as it is.
+      const Lattice lattice = gridLattice(input);
+      const ProbeLayout moved = finish(
+          latticeLayout(lattice, input.scene.bounds, usablePoints(lattice, input)));
+      return moved.positions.empty() ? usableLayout(lattice, input) : moved;
+    }
   }
 }
 

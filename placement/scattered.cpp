@@ -44,7 +44,8 @@ std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
                  "with maxent: of the kernel; low ones smooth, high ones tend to tetrahedra"});
   own.push_back({"visibility", "on", "on | off", "only probes that a place sees count there"});
   own.push_back({"walls", "on", "on | off",
-                 "voxels that a wall divides have weights of their own on either side"});
+                 "voxels that a wall divides have weights of their own on either side, by what a "
+                 "place sees: none with visibility=off"});
   own.push_back({"cells", "2", "0.5 .. 8", "voxels of the query's index along one mean spacing"});
   return own;
 }

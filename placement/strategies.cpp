@@ -125,7 +125,7 @@ ProbeLayout placeProbes(const std::string& strategy_name, const PlacementInput& 
   layout.strategy = strategy.name;
   layout.asked = input.probes;
   layout.seed = input.seed;
-  layout.options = complete.options;
+  if (layout.options.empty()) layout.options = complete.options;
   layout.evaluations = std::max(layout.evaluations, input.training.evaluations() - evaluations);
   layout.build_s = timer.seconds();
   return layout;

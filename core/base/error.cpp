@@ -6,6 +6,14 @@
 
 namespace probelab {
 
+std::string printable(const std::string& text, std::size_t limit) {
+  std::string result = text.substr(0, limit);
+  for (char& c : result)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  if (text.size() > limit) result += "...";
+  return result;
+}
+
 void checkFailed(const char* expression, const char* file, int line, const std::string& detail) {
   fmt::print(stderr, "{}:{}: check failed: {}{}{}\n", file, line, expression,
              detail.empty() ? "" : ": ", detail);

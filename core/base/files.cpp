@@ -48,6 +48,22 @@ bool isOfTheDead(const std::string& tag) {
 
 }  // namespace
 
+bool isFile(const fs::path& path) {
+  std::error_code ec;
+  return fs::is_regular_file(path, ec);
+}
+
+bool isFolder(const fs::path& path) {
+  std::error_code ec;
+  return fs::is_directory(path, ec);
+}
+
+fs::path plainPath(const fs::path& path) {
+  std::error_code ec;
+  const fs::path plain = fs::weakly_canonical(path, ec);
+  return ec ? fs::absolute(path).lexically_normal() : plain;
+}
+
 std::string processTag() { return fmt::format("{}-{}", getpid(), hostName()); }
 
 void removeLeftOvers(const fs::path& folder) {

@@ -174,6 +174,9 @@ float sideOf(const Lattice& corners, const Vec4f& plane, const Vec3f& p) {
   return dot(Vec3f(plane.x, plane.y, plane.z), p - corners.first) + plane.w;
 }
 
+// What an entry of voxel_begin is called: the second sides of divided voxels come after all voxels.
+const char* pieceWord(const InfluenceGrid& grid) { return grid.pieces.any() ? "piece" : "voxel"; }
+
 // Every piece must have a probe at each corner. Without walls every voxel must say the same of a
 // corner that it shares, or the weights would jump between them; compared by sums of hashes.
 void checkCornersAgree(const InfluenceGrid& grid, const std::string& what) {
@@ -184,7 +187,9 @@ void checkCornersAgree(const InfluenceGrid& grid, const std::string& what) {
       for (uint32_t e = grid.voxel_begin[piece]; e < grid.voxel_begin[piece + 1]; ++e)
         if (const uint8_t w = grid.entries[e].weights[asSize(k)]; w > 0)
           sum += hashShare(grid.entries[e].probe, w);
-      if (sum == 0) throwInput("{}: voxel {}: no probe has a weight at corner {}", what, piece, k);
+      if (sum == 0)
+        throwInput("{}: {} {}: no probe has a weight at corner {}", what, pieceWord(grid), piece,
+                   k);
       if (grid.pieces.any()) continue;
       uint64_t& first = sums[voxelCorner(grid.corners, piece, k)];
       if (first == 0) first = sum;
@@ -221,7 +226,8 @@ void checkPieces(const InfluenceGrid& grid, std::size_t voxels, const std::strin
     bool front = false, back = false;
     for (int k = 0; k < 8; ++k) {
       const auto corner = static_cast<int>(voxelCorner(grid.corners, v, k));
-      const float side = sideOf(grid.corners, pieces.planes[asSize(plane)], grid.corners.position(corner));
+      const float side =
+          sideOf(grid.corners, pieces.planes[asSize(plane)], grid.corners.position(corner));
       front |= side > 0;
       back |= side < 0;
     }
@@ -371,20 +377,22 @@ void validateInfluence(const InfluenceGrid& grid, std::size_t probes, const std:
   checkPieces(grid, voxels, what);
   voxels += grid.pieces.planes.size();
   if (grid.voxel_begin.size() != voxels + 1 || grid.nearest.size() != voxels)
-    throwInput("{}: the index has {} and {} entries for {} voxels", what, grid.voxel_begin.size(),
-               grid.nearest.size(), voxels);
+    throwInput("{}: the index has {} and {} entries for {} {}s", what, grid.voxel_begin.size(),
+               grid.nearest.size(), voxels, pieceWord(grid));
   if (grid.voxel_begin.front() != 0 || grid.voxel_begin.back() != grid.entries.size() ||
       !std::is_sorted(grid.voxel_begin.begin(), grid.voxel_begin.end()))
-    throwInput("{}: the voxels' first entries must rise from 0 to the number of entries, {}", what,
-               grid.entries.size());
+    throwInput("{}: the {}s' first entries must rise from 0 to the number of entries, {}", what,
+               pieceWord(grid), grid.entries.size());
   for (std::size_t v = 0; v < voxels; ++v) {
     if (grid.nearest[v] < 0 || static_cast<std::size_t>(grid.nearest[v]) >= probes)
-      throwInput("{}: voxel {}: nearest probe {} of {}", what, v, grid.nearest[v], probes);
+      throwInput("{}: {} {}: nearest probe {} of {}", what, pieceWord(grid), v, grid.nearest[v],
+                 probes);
     for (uint32_t e = grid.voxel_begin[v]; e < grid.voxel_begin[v + 1]; ++e) {
       const uint32_t probe = grid.entries[e].probe;
-      if (probe >= probes) throwInput("{}: voxel {}: probe {} of {}", what, v, probe, probes);
+      if (probe >= probes)
+        throwInput("{}: {} {}: probe {} of {}", what, pieceWord(grid), v, probe, probes);
       if (e > grid.voxel_begin[v] && grid.entries[e - 1].probe >= probe)
-        throwInput("{}: voxel {}: its probes must rise", what, v);
+        throwInput("{}: {} {}: its probes must rise", what, pieceWord(grid), v);
     }
   }
   checkCornersAgree(grid, what);

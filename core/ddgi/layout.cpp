@@ -99,11 +99,17 @@ void validateLatticePoints(const ProbeLayout& layout, const std::string& what) {
   if (points != static_cast<std::size_t>(layout.lattice.pointCount()))
     throwInput("{}: the index has {} entries for {} lattice points", what, points,
                layout.lattice.pointCount());
-  for (std::size_t i = 0; i < points; ++i)
-    if (layout.probe_of_point[i] < -1 ||
-        layout.probe_of_point[i] >= static_cast<int>(layout.positions.size()))
-      throwInput("{}: lattice point {}: probe {} of {}", what, i, layout.probe_of_point[i],
-                 layout.positions.size());
+  std::vector<uint8_t> named(layout.positions.size(), 0);
+  for (std::size_t i = 0; i < points; ++i) {
+    const int probe = layout.probe_of_point[i];
+    if (probe < -1 || probe >= static_cast<int>(layout.positions.size()))
+      throwInput("{}: lattice point {}: probe {} of {}", what, i, probe, layout.positions.size());
+    if (probe >= 0 && named[static_cast<std::size_t>(probe)]++ != 0)
+      throwInput("{}: lattice point {}: probe {} is another point's already", what, i, probe);
+  }
+  const auto lost = std::ranges::find(named, 0);
+  if (lost != named.end())
+    throwInput("{}: probe {} is at no lattice point", what, lost - named.begin());
 }
 
 // Weights that follow moved probes need every probe strictly between its lattice neighbours, also
@@ -223,8 +229,9 @@ void validateLayout(const ProbeLayout& layout, const std::string& what) {
   const std::size_t probes = layout.positions.size();
   const auto usable = [](float length) { return std::isfinite(length) && length > 0; };
   if (!usable(layout.bias_length_m) || !usable(layout.support_radius_m))
-    throwInput("{}: probes coincide (spacing {} m); ask for fewer probes or a larger volume", what,
-               layout.bias_length_m);
+    throwInput(
+        "{}: probes coincide (spacing {} m); move them apart, or ask for fewer or a larger volume",
+        what, layout.bias_length_m);
   for (std::size_t i = 0; i < probes; ++i)
     if (!isFinite(layout.positions[i]))
       throwInput("{}: the position of probe {} is not finite", what, i);
@@ -237,11 +244,14 @@ void validateLayout(const ProbeLayout& layout, const std::string& what) {
   } else {
     if (layout.lengths.size() != probes)
       throwInput("{}: {} lengths for {} probes", what, layout.lengths.size(), probes);
-    for (std::size_t i = 0; i < probes; ++i)
-      if (!usable(layout.lengths[i].bias) || !usable(layout.lengths[i].support) ||
-          layout.lengths[i].support > layout.support_radius_m)
-        throwInput("{}: probe {} coincides with others (lengths {} and {} m); ask for fewer probes",
-                   what, i, layout.lengths[i].bias, layout.lengths[i].support);
+    for (std::size_t i = 0; i < probes; ++i) {
+      if (!usable(layout.lengths[i].bias) || !usable(layout.lengths[i].support))
+        throwInput("{}: probe {} coincides with others (lengths {} and {} m); move it away", what,
+                   i, layout.lengths[i].bias, layout.lengths[i].support);
+      if (layout.lengths[i].support > layout.support_radius_m)
+        throwInput("{}: probe {}: its support of {} m is more than the layout's, {} m", what, i,
+                   layout.lengths[i].support, layout.support_radius_m);
+    }
     validateInfluence(layout.influence, probes, what);
   }
 }

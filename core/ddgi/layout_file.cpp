@@ -381,13 +381,27 @@ namespace {
 constexpr float kSlack = 1e-3f;         // of a spacing
 constexpr float kLongestLength = 1e3f;  // of the bounds' diagonal
 
-// What a strategy never writes though each number alone would do: probes away from their lattice
-// points, voxels that leave a part of the bounds out, lengths beyond all measure.
+// Of any coordinate of a probe: a diagonal beyond the bounds.
+float farthestPlace(const Box3f& bounds) {
+  return std::max(maxComponent(componentMax(bounds.min * -1.0f, bounds.max)), 0.0f) +
+         length(bounds.extent());
+}
+
+// What a strategy never writes though each number alone would do: probes far from the bounds or
+// away from their lattice points, voxels that leave a part of the bounds out, lengths beyond all measure.
 void checkPlaces(const ProbeLayout& layout, const std::string& file) {
   const float longest = kLongestLength * length(layout.bounds.extent());
   if (!(layout.bias_length_m < longest) || !(layout.support_radius_m < longest))
     throwInput("{}: lengths of {} and {} m do not go with bounds of {} m", file,
                layout.bias_length_m, layout.support_radius_m, length(layout.bounds.extent()));
+  for (const ProbeLengths& of_probe : layout.lengths)
+    if (!(of_probe.bias < longest))
+      throwInput("{}: a probe's length of {} m does not go with bounds of {} m", file,
+                 of_probe.bias, length(layout.bounds.extent()));
+  for (std::size_t i = 0; i < layout.positions.size(); ++i)
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (!(std::abs(layout.positions[i][axis]) <= farthestPlace(layout.bounds)))
+        throwInput("{}: probe {} lies far from the bounds", file, i);
   for (std::size_t i = 0; i < layout.probe_of_point.size(); ++i) {
     if (layout.probe_of_point[i] < 0) continue;
     const auto probe = static_cast<std::size_t>(layout.probe_of_point[i]);

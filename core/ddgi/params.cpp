@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 #include "base/files.h"
-#include "base/parse_twice.h"
+#include "base/parse_toml.h"
 #include "base/suggest.h"
 #include "ddgi/preset_files.h"
 #include "param_keys.h"
@@ -78,18 +78,10 @@ const EmbeddedFile* findPreset(const std::string& name) {
   return nullptr;
 }
 
-toml::table parseToml(std::string_view text, const std::string& path) {
-  try {
-    return parseTwice<toml::parse_error>([&] { return toml::parse(text, path); });
-  } catch (const toml::parse_error& e) {
-    throwInput("{}:{}: {}", path, e.source().begin.line, e.description());
-  }
-}
-
 // A line of TOML; an empty table where it is none.
 toml::table parseValue(const std::string& line) {
   try {
-    return parseTwice<toml::parse_error>([&] { return toml::parse(line); });
+    return parseTomlTwice(line, {});
   } catch (const toml::parse_error&) {
     return {};
   }

@@ -205,11 +205,17 @@ std::unique_ptr<ProbeField::RaySet> ProbeField::createRaySet(GpuContext& context
   return set;
 }
 
+bool ProbeField::pointsAreProbes() const {
+  if (states_.activeCount() != layout_.probe_of_point.size()) return false;
+  for (std::size_t i = 0; i < layout_.probe_of_point.size(); ++i)
+    if (layout_.probe_of_point[i] != static_cast<int>(i)) return false;
+  return true;
+}
+
 FieldAccess ProbeField::access() const {
   FieldAccess access;
-  const bool full = states_.activeCount() == layout_.probe_of_point.size();
   access.layout = {
-      .moved = moved_, .full = full, .walls = walls_, .interpolant = queryInterpolant(layout_)};
+      .moved = moved_, .full = pointsAreProbes(), .walls = walls_, .interpolant = queryInterpolant(layout_)};
   access.inputs = {{"FIELD", &field_constants_, true}, {"COUNTERS", &counter_buffer_}};
   const auto copy = static_cast<std::size_t>(current_);
   access.addresses = {.irradiance = irradiance_.copies[copy].address(),
@@ -427,8 +433,7 @@ uint64_t ProbeField::atlasBytes() const { return probeCount() * atlasBytesPerPro
 
 uint64_t ProbeField::stateBytes() const {
   const auto bytes = [](const GpuBuffer& buffer) { return buffer ? buffer.size() : 0; };
-  const bool full = states_.activeCount() == layout_.probe_of_point.size();
-  return (full ? 0 : bytes(probe_index_)) + (moved_ ? bytes(probe_positions_) : 0) +
+  return (pointsAreProbes() ? 0 : bytes(probe_index_)) + (moved_ ? bytes(probe_positions_) : 0) +
          bytes(nearest_probe_) + bytes(probe_list_) + bytes(voxel_begin_) + bytes(entries_) +
          bytes(plane_of_voxel_) + bytes(planes_) +
          bytes(places_) + bytes(probe_clamps_);

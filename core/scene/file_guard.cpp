@@ -60,7 +60,7 @@ std::optional<std::string> refusal(const std::string& decoded) {
 }  // namespace
 
 FileGuard::FileGuard(const fs::path& scene_file) : scene_file_(scene_file.string()) {
-  folder_ = fs::weakly_canonical(fs::absolute(scene_file).parent_path());
+  folder_ = plainPath(fs::absolute(scene_file).parent_path());
 }
 
 bool FileGuard::inFolder(const fs::path& path) const {

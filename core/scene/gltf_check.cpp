@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/files.h"
 #include "gltf_rules.h"
 
 namespace probelab {
@@ -77,9 +78,9 @@ void checkBuffer(const std::string& file, const json& buffer, const std::string&
     }
     const fs::path path = guard.resolve(uri, element);
     std::error_code ec;
-    if (!fs::is_regular_file(path, ec))
+    available = fs::file_size(path, ec);
+    if (ec || !isFile(path))
       throwInput("{}: {}: '{}': no such file", file, element, printable(uri));
-    available = fs::file_size(path);
     guard.declareLength(path, declared);
     place = fmt::format("'{}'", printable(uri));
   } else if (!in_chunk) {

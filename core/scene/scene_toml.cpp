@@ -188,7 +188,7 @@ void readLists(const TableReader& root, SceneToml& scene) {
 SceneToml readSceneToml(const fs::path& path, std::vector<std::string>& hashes) {
   const std::string text = readTextFile(path);
   hashes.push_back(contentHash(text));
-  const toml::table table = parseToml(path.string(), text);
+  const toml::table table = parseToml(text, path.string());
   const TableReader root(table, path.string(), "");
   root.allowOnly({"gltf", "time_s", "turn_deg", "sky", "light", "camera", "volume", "receivers",
                   "flip", "state"});

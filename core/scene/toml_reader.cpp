@@ -4,20 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/parse_twice.h"
 #include "base/suggest.h"
 #include "warnings.h"
 
 namespace probelab {
-
-toml::table parseToml(const std::string& file, const std::string& text) {
-  try {
-    return parseTwice<toml::parse_error>([&] { return toml::parse(text, file); });
-  } catch (const toml::parse_error& e) {
-    throwInput("{}:{}: is not valid TOML: {}", file, e.source().begin.line,
-               printable(std::string(e.description())));
-  }
-}
 
 void TableReader::failAt(const toml::node& node, const std::string& what) const {
   throwInput("{}:{}: {}{}{}", file_, std::max(node.source().begin.line, 1u), element_,

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include <toml++/toml.h>
 #include <initializer_list>
 #include <limits>
 #include <optional>
@@ -14,12 +13,10 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/parse_toml.h"
 #include "base/vec.h"
 
 namespace probelab {
-
-// Throws InputError with the line for anything that is not TOML.
-toml::table parseToml(const std::string& file, const std::string& text);
 
 struct NumberRange {
   double min = std::numeric_limits<double>::lowest();

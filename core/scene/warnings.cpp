@@ -3,14 +3,6 @@
 
 namespace probelab {
 
-std::string printable(const std::string& text, std::size_t limit) {
-  std::string result = text.substr(0, limit);
-  for (char& c : result)
-    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
-  if (text.size() > limit) result += "...";
-  return result;
-}
-
 std::string elementName(const char* kind, std::size_t index, const std::string& name) {
   if (name.empty()) return fmt::format("{} {}", kind, index);
   return fmt::format("{} '{}'", kind, printable(name));

@@ -10,10 +10,9 @@
 #include <utility>
 #include <vector>
 
-namespace probelab {
+#include "base/error.h"
 
-// `text` on one line: control characters become '?', and what is beyond `limit` bytes is cut off.
-std::string printable(const std::string& text, std::size_t limit = 200);
+namespace probelab {
 
 // "mesh 'Cube'", or "mesh 3" when it has no name.
 std::string elementName(const char* kind, std::size_t index, const std::string& name);

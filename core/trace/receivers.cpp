@@ -7,6 +7,7 @@
 
 #include "base/build_info.h"
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/rng.h"
 #include "receiver_points.h"
 #include "shared/light.h"
@@ -19,7 +20,7 @@ namespace {
 
 constexpr double kSurfaceShare = 0.7;
 // Tries a receiver before the reachable share counts as nothing.
-constexpr uint64_t kTriesEach = 1000;
+constexpr uint64_t kTriesEach = 1000, kTriesForOne = 100000;
 
 // Everything that decides where receivers may be.
 struct Places {
@@ -122,11 +123,14 @@ void collect(uint32_t count, uint64_t seed, ReceiverKind kind, const Scene& scen
              const Try& try_one, std::vector<Receiver>& points) {
   const std::size_t wanted = points.size() + count;
   const uint64_t tries = kTriesEach * std::max<uint64_t>(count, 1000);
+  const std::size_t before = points.size();
   for (uint64_t i = 0; points.size() < wanted; ++i) {
-    if (i >= tries)
+    throwIfInterrupted();
+    if (i >= (points.size() == before ? kTriesForOne : tries))
       throwInput(
           "{}: no reachable {} for receivers; give a camera inside, or a point of the space "
-          "that counts in [receivers] seeds",
+          "that counts in [receivers] seeds, or a [volume] that fits it: space is divided into "
+          "cells, and what is smaller than one is not seen",
           scene.path, kind == ReceiverKind::surface ? "surface" : "free space");
     Rng rng(seed, RngStream::receiver_position, static_cast<uint64_t>(kind), i);
     Receiver receiver;

@@ -65,6 +65,30 @@ class PlaceTest(CliTest):
 
 
 class Place(PlaceTest):
+    def test_what_a_single_probe_has_no_number_for(self):
+        self.assertIsNone(self.place(probes=1)["report"]["spacing_m"])
+        self.assertEqual(self.place(probes=2)["report"]["spacing_m"]["min"],
+                         self.place(probes=2)["report"]["spacing_m"]["max"])
+
+    def test_the_order_of_probes_does_not_matter(self):
+        """A full lattice whose file lists its probes from the last is the same field."""
+        self.place(probes=27)
+        document = json.loads((self.folder / "layout.json").read_text())
+        points = document["lattice"]["probe_of_point"]
+        self.assertEqual(points, list(range(27)))
+        document["lattice"]["probe_of_point"] = points[::-1]
+        document["probes"] = document["probes"][::-1]
+        (self.folder / "turned.json").write_text(json.dumps(document))
+        first, turned = (self.evaluate("--layout", name)["error"]["nrmse"]
+                         for name in ("layout.json", "turned.json"))
+        self.assertAlmostEqual(first, turned, delta=0.1 * first)
+
+    def test_options_of_a_search_need_one(self):
+        for option in (("--count", "64"), ("--rel-error", "0.5"), ("--updates", "3")):
+            with self.subTest(option=option):
+                self.assert_refused("place", "room.toml", "-o", "layout.json", *option,
+                                    words=(option[0], "--max-nrmse"))
+
     def test_names_of_the_result(self):
         result = self.place("--strategy", "poisson")
         for name in ("output", "glb", "scene", "state", "strategy", "probes", "lattice", "layout",
@@ -342,6 +366,7 @@ class Refusals(PlaceTest):
                 ("few.csv", "", ("few.csv",)), ("word.csv", "0,1,x\n", ("word.csv", "x")),
                 ("nan.csv", "0,nan,0\n", ("nan.csv",)), ("short.csv", "0,1\n", ("short.csv",)),
                 ("far.csv", "0,1,0\n900,1,0\n", ("far.csv",)),
+                ("order.csv", "x,z,y\n0,1,0\n", ("order.csv", "line 1", "x,z,y")),
                 ("many.csv", "0,1,0\n0,1,1\n1,1,1\n", ("3", "2")),
                 ("bad.glb", "glTF", ("bad.glb",)), ("bad.json", "[]", ("bad.json",)),
                 ("bad.txt", "0,1,0", ("bad.txt",))):
@@ -371,6 +396,8 @@ class Refusals(PlaceTest):
                 changed(lambda d: d["probes"][0].update(position=[0, "1", 0])),
                 changed(lambda d: d["probes"][0].update(bias_m=-1)),
                 changed(lambda d: d["probes"][0].update(bias_m=1e999)),
+                changed(lambda d: d["probes"][0].update(bias_m=1e37)),
+                changed(lambda d: d["probes"][0].update(position=[1e6, 0, 0])),
                 changed(lambda d: d["probes"].pop()), changed(lambda d: d.update(more=1)),
                 changed(lambda d: d.update(interpolant="lattice")),
                 changed(lambda d: d.update(geometry_hash="0" * 32)),

@@ -350,7 +350,11 @@ class Errors(ReportTest):
         self.assert_refused("report", ".", "--max-mib", "0", words=("--max-mib",))
         (self.folder / "figures").mkdir()
         (self.folder / "figures" / "f.png").write_text("no picture")
-        self.assert_refused("report", ".", words=("f.png", "no PNG"))
+        result = self.run_ok("report", ".")
+        self.assertIn("f.png: left out, it is no PNG", result.stderr)
+        self.assertTrue((self.folder / "report.html").exists())
+        (self.folder / "figures" / "f.png").unlink()
+        self.assert_refused("report", ".", "--layer", "x", words=("--layer", "no images"))
 
 
 if __name__ == "__main__":

@@ -265,6 +265,15 @@ class RunTest(CliTest):
         expect(STUDY.replace("count = 32", 'dump = "../x.csv"'), "within the cell's own folder")
         expect(STUDY.replace("count = 32", "threads = 1"), "'threads' is not for options")
         expect(STUDY.replace("count = 32", 'params = ""'), "not empty")
+        for axis in ("id", "seconds"):
+            expect(STUDY.replace('name = "probes"', f'name = "{axis}"'), f"'{axis}' is a column")
+        expect(STUDY.replace("values = [1, 8]", 'values = [1, 8]\n[[axis.value]]\nname = "x"'),
+               "not both")
+        expect(STUDY.replace("count = 32", "count = 32\nnosuch = false"), "no option 'nosuch'")
+        expect(STUDY.replace("[size.smoke]", "[size.smoke]\nsed = 3"), "unknown key 'sed'")
+        expect(STUDY.replace("count = 32", "count = 32\nprobes = 3"),
+               "axis 'probes' sets 'probes'", "no effect")
+        expect(STUDY.replace("[1, 2]", f"{list(range(10001))}"), ":5:", "more than 10000 seeds")
         self.write(STUDY)
         self.assertIn("more than 10000 seeds",
                       self.run_fails(2, "run", "study.toml", "--scale", "2000000000"))
@@ -290,6 +299,35 @@ class RunTest(CliTest):
         self.assertEqual(self.run_json(*words)["found"], 2)
         points.write_text("0,1,0,0,1,0\n")
         self.assertEqual(self.run_json(*words)["done"], 2)
+
+    def test_every_input_of_a_list_counts_by_content(self):
+        self.write("""about = "two files"
+command = "tune"
+scenes = ["room.toml"]
+seeds = [1]
+[options]
+against = "rtxgi,deep/mine.toml"
+output = "tuned.toml"
+""")
+        (self.folder / "deep").mkdir()
+        mine = self.folder / "deep/mine.toml"
+        mine.write_text('preset = "rtxgi"\n')
+        cells = self.study("--list")["list"]
+        self.assertEqual([c["axes"]["state"] for c in cells], ["train"])
+        mine.write_text('preset = "rtxgi"\nview_bias = 0.2\n')
+        self.assertNotEqual(self.ids(), [c["id"] for c in cells])
+
+    def test_an_axis_may_be_called_as_a_number_of_the_result_is(self):
+        self.write(STUDY.replace('name = "probes"\noption', 'name = "error.nrmse"\noption').replace(
+            "probes = [8]", '"error.nrmse" = [8]'))
+        self.assertEqual(self.study("--size", "smoke")["failed"], [])
+        with open(self.folder / "out/study.csv", newline="") as file:
+            rows = list(csv.reader(file))
+        self.assertEqual(len(set(rows[0])), len(rows[0]))
+        for row in rows[1:]:
+            values = dict(zip(rows[0], row))
+            self.assertEqual(values["error.nrmse"], "8")
+            self.assertLess(float(values["result.error.nrmse"]), 8)
 
     def test_damaged_cells_and_lost_outputs_are_made_again(self):
         self.write(STUDY.replace("count = 32", 'count = 32\ndump = "e.csv"'))

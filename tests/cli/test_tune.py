@@ -222,6 +222,16 @@ class Refusals(TuneTest):
         (self.folder / "notes.toml").write_text('title = "mine"\n')
         self.refuse(output="notes.toml", words=("notes.toml", "no parameters"))
         self.refuse("--report", "missing", words=("missing",))
+        (self.folder / "report").mkdir()
+        self.refuse("--report", "report", "--fit-values", "report/tune.json",
+                    words=("report/tune.json", "two outputs"))
+        self.refuse("--bias-map", "map.csv", "--bias-map-size", 0,
+                    words=("--bias-map", "draws none"))
+
+    def test_what_would_have_no_effect(self):
+        self.refuse("--starts", 100000, words=("--starts",))
+        self.refuse("--vary", "none", "--compare-searches", 5, words=("--compare-searches",))
+        self.refuse("--rays", 16, "--set", "rays=64", words=("--rays 16", "rays=64", "disagree"))
 
     def test_receivers(self):
         for count in (1, 8):

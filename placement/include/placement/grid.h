@@ -8,6 +8,9 @@ namespace probelab {
 
 extern const Strategy kGridStrategy;
 
+// What that strategy's options ask for, before points are left out.
+Lattice gridLattice(const PlacementInput& input);
+
 // Counts n with 0.9 N <= n.x n.y n.z <= N whose cells in a box with these edges are nearest to
 // cubes, stretched along y by `vertical` (smallest spread of the logarithms of the cell's edges;
 // more probes on a tie).

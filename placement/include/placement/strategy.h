@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -39,6 +40,7 @@ struct PlacementInput {
   int probes = 0;        // budget N: at most that many probes own texels
   uint64_t seed = 0;
   OptionValues options;  // every option of the strategy, defaults filled in
+  std::set<std::string> given = {};  // of these, the ones that a person asked for
   std::function<void(double)> progress = {};  // share done
 };
 

@@ -241,6 +241,8 @@ TEST_F(LayoutFile, BrokenLatticesAreRefused) {
   refuses("\"probe_of_point\":[0,", "\"probe_of_point\":[10,", "probe 10 of 10");
   refuses("\"probe_of_point\":[0,", "\"probe_of_point\":[-2,", "'probe_of_point'[0]");
   refuses("\"probe_of_point\":[0,", "\"probe_of_point\":[", "lattice points");
+  refuses("\"probe_of_point\":[0,", "\"probe_of_point\":[1,", "another point's already");
+  refuses("\"probe_of_point\":[0,", "\"probe_of_point\":[-1,", "probe 0 is at no lattice point");
   refuses("\"count\":[4,1,3]", "\"count\":[4,2,3]", "lattice points");
   refuses("{\"position\":", "{\"bias_m\":1.0,\"position\":", "probes[0]: unknown key 'bias_m'");
 }

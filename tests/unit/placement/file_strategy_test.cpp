@@ -139,6 +139,25 @@ TEST_F(FileStrategy, ReadsPointsFromGlbDataUriAndFile) {
             expected);
 }
 
+TEST_F(FileStrategy, NodesAreProbesByTheWholeWord) {
+  const auto named = [&](const char* name) {
+    const Json node = {{"name", name}, {"translation", {1, 1, 1}}};
+    return write("p.gltf", nodeScene(Json::array({node})).dump());
+  };
+  for (const char* name : {"probe", "probe 12", "probe.001", "probe_2"})
+    EXPECT_EQ(place(named(name)).positions.size(), 1u) << name;
+  for (const char* name : {"probes", "probelab", "Probe"}) expectError(named(name), "no probes");
+}
+
+TEST_F(FileStrategy, KeepsALayoutsOwnWeights) {
+  writeLayout(folder_ / "l.json", placeProbes("poisson", room_.input(20)), room_.scene);
+  const std::string path = (folder_ / "l.json").string();
+  EXPECT_EQ(place(path).options, (OptionValues{{"path", path}}));
+  PlacementInput input = room_.input(100, 1, {{"path", path}, {"interpolant", "maxent"}});
+  input.given = {"path", "interpolant"};
+  EXPECT_THROW(placeProbes("file", input), InputError);
+}
+
 TEST_F(FileStrategy, ReadsALayoutBack) {
   const ProbeLayout poisson = placeProbes("poisson", room_.input(20));
   writeLayout(folder_ / "l.json", poisson, room_.scene);
@@ -181,6 +200,10 @@ TEST_F(FileStrategy, SurvivesHostileGltf) {
   Json root = pointScene({{"byteLength", 24}});
   root["accessors"][0]["count"] = 3;
   expectError(write("e.glb", glb(root, twoPoints())), "beyond");
+  root["accessors"][0]["count"] = 2;
+  root["bufferViews"][0]["byteLength"] = 12;
+  expectError(write("k.glb", glb(root, twoPoints())), "beyond its bufferView");
+  root["bufferViews"][0]["byteLength"] = 24;
   root["accessors"][0]["count"] = -3;
   expectError(write("f.glb", glb(root, twoPoints())), "count");
   root["accessors"][0]["count"] = 2;

@@ -7,6 +7,9 @@
 #include <tuple>
 
 #include "base/error.h"
+#ifdef PROBELAB_WITH_CGAL
+#include "placement/distance.h"
+#endif
 #include "placement/grid.h"
 #include "places.h"
 
@@ -131,6 +134,10 @@ TEST(Strategies, GridBestScoresNoWorseThanGrid) {
 
 #ifdef PROBELAB_WITH_CGAL
 
+OptionValues findDefaults(const std::string& strategy) {
+  return resolveOptions(findStrategy(strategy), {});
+}
+
 TEST(Relocated, MovesAtMostItsReachAndAlongFreeLines) {
   Place place(pillarRoom());
   const ProbeLayout layout =
@@ -165,6 +172,37 @@ TEST(Relocated, KeepsItsClearanceInARoom) {
   EXPECT_EQ(layout.positions.size(), 64u);
   for (const Vec3f& p : layout.positions)
     EXPECT_GE(std::min(minComponent(p), 3 - maxComponent(p)), 0.99f * 0.2f * layout.bias_length_m);
+}
+
+// A lattice of which no point is free, and one whose points lie in a surface.
+TEST(Relocated, MovesLatticesThatHaveNoFreePoint) {
+  SceneBuilder b;
+  const uint32_t grey = b.material(Vec3f(0.5f));
+  b.box({0, 0, 0}, {4, 3, 4}, grey, true);
+  b.box({1.9f, 0, 0}, {2.1f, 3, 3.5f}, grey, false);
+  b.camera({1, 1, 1}, {1, 1, 2});
+  Place place(b.finish());
+  const Lattice lattice = gridLattice(place.input(1, 1, findDefaults("grid")));
+  ASSERT_FALSE(isUsable(place.input(1), lattice.position(0)));
+  const ProbeLayout layout = placeProbes("relocated", place.input(1));
+  ASSERT_EQ(layout.positions.size(), 1u);
+  EXPECT_GT(length(layout.positions[0] - lattice.position(0)), 0.1f);
+  EXPECT_LT(length(layout.positions[0] - lattice.position(0)), 0.45f * layout.bias_length_m);
+}
+
+TEST(Relocated, LeavesTheSurfaceThatAProbeLiesOn) {
+  SceneBuilder b;
+  const uint32_t grey = b.material(Vec3f(0.5f));
+  b.quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2}, grey);  // a sheet in the middle
+  b.camera({1, 0.5f, 1}, {-1, -0.5f, 1});
+  b.scene().bounds = {Vec3f(-1), Vec3f(1)};
+  Place place(b.finish());
+  const SceneDistance distance(*place.scene.geometry);
+  const ProbeLayout layout = placeProbes("relocated", place.input(27));
+  EXPECT_EQ(layout.positions.size(), 27u);
+  // 0.1 of the smallest spacing is asked for; a step that gains half of it is enough.
+  for (const Vec3f& p : layout.positions)
+    EXPECT_GE(distance.clearance(p), 0.0499f * layout.bias_length_m) << layout.bias_length_m << p.x << " " << p.y << " " << p.z;
 }
 
 TEST(Relocated, DoesNotDependOnTheUnit) {
@@ -209,6 +247,14 @@ TEST(CubicCounts, AreThoseOfASearchThroughAll) {
       EXPECT_NE(std::ranges::find(likely, cubicCounts(edges, probes)), likely.end());
     }
   EXPECT_EQ(cubicCounts({4, 4, 4}, 48, 2), cubicCounts({4, 2, 4}, 48));
+}
+
+// One and two points leave cells of one length between them, so that only the share of the box tells.
+TEST(CubicCounts, TwoProbesDivideTheLongestAxis) {
+  EXPECT_EQ(cubicCounts({8, 2, 2}, 2), Vec3i(2, 1, 1));
+  EXPECT_EQ(cubicCounts({2, 8, 2}, 2), Vec3i(1, 2, 1));
+  EXPECT_EQ(cubicCounts({2, 3, 8}, 2), Vec3i(1, 1, 2));
+  EXPECT_EQ(likelyCounts({8, 2, 2}, 2, 1).front(), Vec3i(2, 1, 1));
 }
 
 TEST(LatticeIn, KeepsItsInset) {

@@ -47,6 +47,10 @@ class Interrupted : public Error {
   Interrupted() : Error("interrupted", 130) {}
 };
 
+// `text` of a file for a message: control characters become '?', and what is beyond `limit` bytes is
+// cut off.
+std::string printable(const std::string& text, std::size_t limit = 200);
+
 [[noreturn]] void checkFailed(const char* expression, const char* file, int line,
                               const std::string& detail);
 

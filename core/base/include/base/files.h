@@ -12,6 +12,13 @@
 
 namespace probelab {
 
+// False as well where the system cannot say: a name that is too long, a folder that is closed, a
+// circle of links.
+bool isFile(const std::filesystem::path& path);
+bool isFolder(const std::filesystem::path& path);
+// Without links and dots, as far as the system can follow it.
+std::filesystem::path plainPath(const std::filesystem::path& path);
+
 // Throw InputError naming the path when it is missing, a folder, or unreadable.
 std::vector<std::byte> readFile(const std::filesystem::path& path);
 std::string readTextFile(const std::filesystem::path& path);

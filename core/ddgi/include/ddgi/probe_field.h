@@ -116,6 +116,9 @@ class ProbeField {
   void readCounters();  // after stages that others ran
 
  private:
+  // Point i of the lattice is probe i, for all: then the query needs no index.
+  bool pointsAreProbes() const;
+
   // Directions that some of the probes share, with the stages that are bound to them.
   struct RaySet {
     int rays = 0;
