@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/error.h"
+#include "base/files.h"
 #include "commands.h"
 #include "compare_images.h"
 #include "image/exr.h"
@@ -27,6 +29,8 @@ struct CompareOptions {
 void runCompare(const CompareOptions& options, const Invocation& invocation) {
   if (!options.output.empty()) checkOutput(options.output, ".png");
   if (!options.picture.empty()) checkOutput(options.picture, ".png");
+  if (!options.picture.empty() && plainPath(options.picture) == plainPath(options.output))
+    throwInput("{}: -o and --picture both go there; name another", options.picture);
   const auto load = [&](const std::string& path) {
     return LoadedImage{path, readExr(path), options.layer};
   };

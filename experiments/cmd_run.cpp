@@ -159,7 +159,8 @@ void addRunCommand(Program& program) {
       ->type_name("NAME")
       ->check(checkNamed);
   app.add_option("--scale", options->scale,
-                 "that many times the seeds, and the receivers where the study's options say 'count'")
+                 "that many times the seeds, and the receivers where the study's options say "
+                 "'count'")
       ->type_name("K")
       ->check(checkPositiveInteger)
       ->capture_default_str();

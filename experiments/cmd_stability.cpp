@@ -288,6 +288,7 @@ void addStabilityCommand(Program& program) {
   addTruthOptions(app, scene.truth);
   const std::vector<CLI::Option*> all = app.get_options();
   options->of_scene.assign(all.begin() + static_cast<std::ptrdiff_t>(before), all.end());
+  options->of_scene.push_back(app.get_option("--seed"));  // the suite's cases have theirs
 }
 
 }  // namespace probelab

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/timer.h"
+#include "metrics/bootstrap.h"
 
 namespace probelab {
 namespace {
@@ -114,6 +115,19 @@ ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers&
                         .area = area,
                         .region = region,
                         .kind = kind});
+}
+
+std::vector<double> blockErrors(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                                const Box3f& bounds) {
+  std::vector<Vec3f> a, b, position;
+  std::vector<float> area;
+  for (const Receiver& r : receivers.points) {
+    a.push_back(r.a), b.push_back(r.b), position.push_back(r.position);
+    area.push_back(static_cast<float>(r.area));
+  }
+  return blockSquaredErrors(
+      {.estimate = estimates, .a = a, .b = b, .position = position, .area = area},
+      spatialBlocks(position, bounds));
 }
 
 Json toJson(const ErrorReport& report) {

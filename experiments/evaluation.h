@@ -26,6 +26,10 @@ std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers)
 ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
                            ScoredSplit split);
 
+// blockSquaredErrors over all receivers: nrmse^2 by cubes of space.
+std::vector<double> blockErrors(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                                const Box3f& bounds);
+
 // Area-weighted mean luminance of the truth over the receivers of the split.
 double meanReference(const Receivers& receivers, ScoredSplit split);
 

@@ -101,7 +101,7 @@ int reportError(const std::string& message, int exit_code) {
   std::string line = message;
   for (char& c : line)
     if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
-  fmt::print(stderr, "probelab: {}\n", line);
+  printToStderr("probelab: " + line + "\n");
   return exit_code;
 }
 

@@ -5,13 +5,13 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
 
+#include "base/error.h"
 #include "common_options.h"
 
 namespace CLI {
@@ -30,7 +30,7 @@ struct Invocation {
 template <class... Args>
 void note(const Invocation& invocation, fmt::format_string<Args...> format, Args&&... args) {
   if (invocation.common.quiet) return;
-  fmt::print(stderr, "{}\n", fmt::format(format, std::forward<Args>(args)...));
+  printToStderr(fmt::format(format, std::forward<Args>(args)...) + "\n");
 }
 
 class Program {

@@ -15,6 +15,7 @@
 #include "base/suggest.h"
 #include "base/timer.h"
 #include "device.h"
+#include "metrics/bootstrap.h"
 #include "evaluation.h"
 #include "layout_source.h"
 #include "stability/suite.h"
@@ -67,6 +68,9 @@ class SceneSuite {
     return options_.tracer == "rayquery" ? TracerKind::rayquery : TracerKind::embree;
   }
   double nrmseOf(const std::vector<Vec3f>& estimates) const;
+  std::optional<double> samplingOf(const std::vector<Vec3f>& estimates) const;
+  double distanceFromBase(const Answer& answer) const;
+  double changeOf(const Answer& answer) const;
   std::vector<QueryPoint> queryPoints(const SceneMap& map) const;
   ProbeLayout layoutOf(const Scene& scene, const EmbreeScene& embree, const Params& params) const;
   std::unique_ptr<ProbeField> field(const Scene& scene, const EmbreeScene& embree, const Run& run);
@@ -81,6 +85,7 @@ class SceneSuite {
   Measurement firstUpdate();
   Measurement lightOffAndOn();
   void measureRows(const std::vector<RowPlan>& rows, const std::function<void(Json)>& on_row);
+  std::string trustedText(int digits, bool all) const;
   Json describe(const Json& rows, bool all) const;
 
   const SceneStabilityOptions& options_;
@@ -89,8 +94,11 @@ class SceneSuite {
   Params params_;
   Receivers truth_;
   Answer base_answer_;
-  double deviation_ = 0;  // of nrmse over seeds
-  double spread_ = 0;     // largest change by what must not matter
+  std::optional<double> floor_;      // of nrmse, by the truth's own noise
+  std::optional<double> sampling_;   // half of the 95 % interval of nrmse over blocks of space
+  bool resolved_ = false;            // nrmse is above its floor; else the fields are compared
+  double deviation_ = 0;             // over seeds, of what rows compare
+  double spread_ = 0;                // largest change by what must not matter
   std::vector<double> changes_;
 };
 
@@ -136,19 +144,54 @@ SceneSuite::Answer SceneSuite::answer(const Run& run) {
   return result;
 }
 
+// Half of the 95 % interval of nrmse if other blocks of space had been looked at; empty where there
+// is too little light to tell.
+std::optional<double> SceneSuite::samplingOf(const std::vector<Vec3f>& estimates) const {
+  const std::vector<double> errors = blockErrors(estimates, truth_, setup_.scene.bounds);
+  // Against blocks that add up to 1 however they are drawn, the ratio is nrmse itself.
+  const std::vector<double> ones(errors.size(), 1.0 / static_cast<double>(errors.size()));
+  const std::optional<RatioInterval> interval =
+      pairedBootstrapRatio(errors, ones, 1, errors.size());
+  if (!interval) return std::nullopt;
+  return std::max(interval->high - interval->ratio, interval->ratio - interval->low);
+}
+
+// Root of the mean squared difference from the base's answers, over that of the truth.
+double SceneSuite::distanceFromBase(const Answer& answer) const {
+  double difference = 0, light = 0;
+  for (std::size_t i = 0; i < truth_.points.size(); ++i) {
+    const Receiver& r = truth_.points[i];
+    const double e = luminance(Vec3d(answer.estimates[i])) -
+                     luminance(Vec3d(base_answer_.estimates[i]));
+    difference += r.area * e * e;
+    light += r.area * luminance(Vec3d(r.a)) * luminance(Vec3d(r.b));
+  }
+  return light > 0 ? std::sqrt(difference / light) : 0;
+}
+
+// nrmse where it is resolved; below its floor it is clamped to 0 and would hide any change.
+double SceneSuite::changeOf(const Answer& answer) const {
+  return resolved_ ? answer.nrmse - base_answer_.nrmse : distanceFromBase(answer);
+}
+
 // The seeds are what everything else is measured against.
 void SceneSuite::measureBase() {
   base_answer_ = answer(base());
+  floor_ = scoreEstimates(base_answer_.estimates, truth_, ScoredSplit::all).noise_floor.nrmse;
+  resolved_ = isResolved(base_answer_.nrmse, floor_);
+  sampling_ = samplingOf(base_answer_.estimates);
   double sum = 0, squares = 0;
-  for (int i = 0; i < kSeeds; ++i) {
+  for (int i = 1; i < kSeeds; ++i) {
     Run run = base();
     run.seed += static_cast<uint64_t>(i);
-    const double nrmse = i == 0 ? base_answer_.nrmse : answer(run).nrmse;
-    sum += nrmse, squares += nrmse * nrmse;
+    const double change = changeOf(answer(run));
+    sum += change, squares += change * change;
   }
+  // Of five values, the base's change is 0; of distances, the root of their mean square.
   const double mean = sum / kSeeds;
-  deviation_ = std::sqrt(std::max(0.0, squares / kSeeds - mean * mean) * kSeeds / (kSeeds - 1.0));
-  spread_ = 2 * deviation_;
+  deviation_ = resolved_ ? std::sqrt(std::max(0.0, squares - kSeeds * mean * mean) / (kSeeds - 1.0))
+                         : std::sqrt(squares / (kSeeds - 1.0));
+  spread_ = std::max(2 * deviation_, sampling_.value_or(0));
 }
 
 // What only rounds differently, or has other noise: within 4 deviations of the seeds; at most 5,
@@ -163,10 +206,11 @@ Measurement SceneSuite::judged(double change, double bound, const std::string& t
 }
 
 Measurement SceneSuite::moved(const Run& run, double more) {
-  const double change = answer(run).nrmse - base_answer_.nrmse;
-  const double bound = std::max(4 * deviation_, 1e-6 * base_answer_.nrmse);
+  const double change = changeOf(answer(run));
+  const double bound = std::max(4 * deviation_, 1e-6 * (resolved_ ? base_answer_.nrmse : 1));
   return judged(change, bound,
-                fmt::format("nrmse {:+.2g}, 4 deviations of the seeds {:.2g}", change, bound),
+                fmt::format("{} {:+.2g}, 4 deviations of the seeds {:.2g}",
+                            resolved_ ? "nrmse" : "E, rms,", change, bound),
                 more);
 }
 
@@ -276,7 +320,15 @@ std::vector<RowPlan> SceneSuite::plan() {
   };
   const std::string noise = "within 4 deviations of the seeds; fails beyond 5 and 1e-3";
   add("seeds", fmt::format("{} seeds", kSeeds), "",
-      "the noise of the rays; fails where it hides nrmse: 2 deviations above half of it", [this] {
+      "the noise of the rays; fails where it hides nrmse: 2 deviations above half of it; a limit "
+      "where the truth's own noise hides nrmse",
+      [this] {
+        if (!resolved_)
+          return Measurement{Verdict::limit,
+                             fmt::format("nrmse {:.2g} is not above 4 noise floors of {:.2g}; E "
+                                         "itself differs by {:.2g} rms between seeds",
+                                         base_answer_.nrmse, floor_.value_or(0), deviation_),
+                             std::nullopt};
         const bool seen = 2 * deviation_ <= base_answer_.nrmse / 2;
         return Measurement{seen ? Verdict::holds : Verdict::fails,
                            fmt::format("standard deviation {:.2g}", deviation_), std::nullopt};
@@ -316,17 +368,40 @@ std::vector<RowPlan> SceneSuite::plan() {
   if (params_.visibility != 0)
     for (const char* format : {"rg32f", "rg16f"})
       add(std::string("moments/") + format, "another moment format", format,
-          "within 4 deviations of the seeds; how much hangs on visibility is the scene's", [&] {
+          "within 4 deviations of the seeds; how much hangs on visibility is the scene's, but "
+          "fails where nrmse doubles",
+          [&] {
             Run run = base();
             setParam(run.params, std::string("moment_format=") + format);
-            return [this, run] { return moved(run, INFINITY); };
+            return [this, run] { return moved(run, std::max(base_answer_.nrmse, kMoved)); };
           }());
   return rows;
 }
 
+// One sentence: how many digits, and what stands in the way of more.
+std::string SceneSuite::trustedText(int digits, bool all) const {
+  const double nrmse = base_answer_.nrmse;
+  if (!resolved_)
+    return fmt::format(
+        "No digit of nrmse {:.4g} can be trusted: it is not above 4 times what the truth's own "
+        "noise makes of it, {:.2g}; a smaller --rel-error lowers that.",
+        nrmse, floor_.value_or(0));
+  const bool sampled = sampling_ && spread_ <= *sampling_;
+  const std::string mover =
+      sampled ? fmt::format("which {} receivers are looked at (95 %; more by --count)",
+                            truth_.points.size())
+      : all   ? "what must not matter"
+              : "what must not matter, of the rows run,";
+  if (digits == 0)
+    return fmt::format("No digit of nrmse {:.4g} can be trusted: {} moves it by {:.2g}.", nrmse,
+                       mover, spread_);
+  return fmt::format("The first {} digit{} of nrmse {:.4g} can be trusted ({:.{}g}): {} moves it "
+                     "by at most {:.2g}.",
+                     digits, digits == 1 ? "" : "s", nrmse, nrmse, digits, mover, spread_);
+}
+
 Json SceneSuite::describe(const Json& rows, bool all) const {
-  const std::string mover = all ? "what must not matter" : "what must not matter, of the rows run,";
-  const int digits = trustedDigits(base_answer_.nrmse, spread_);
+  const int digits = resolved_ ? trustedDigits(base_answer_.nrmse, spread_) : 0;
   return {
       {"scene", setup_.scene.name},
       {"state", setup_.scene.state},
@@ -335,16 +410,11 @@ Json SceneSuite::describe(const Json& rows, bool all) const {
       {"params", params_.name},
       {"nrmse", base_answer_.nrmse},
       {"seed_deviation", deviation_},
+      {"noise_floor", optionalNumber(floor_)},
+      {"sampling", optionalNumber(sampling_)},
       {"spread", spread_},
       {"digits", digits},
-      {"trusted",
-       digits == 0
-           ? fmt::format("No digit of nrmse {:.4g} can be trusted: {} moves it by {:.2g}.",
-                         base_answer_.nrmse, mover, spread_)
-           : fmt::format("The first {} digit{} of nrmse {:.4g} can be trusted ({:.{}g}): {} moves "
-                         "it by at most {:.2g}.",
-                         digits, digits == 1 ? "" : "s", base_answer_.nrmse, base_answer_.nrmse,
-                         digits, mover, spread_)},
+      {"trusted", trustedText(digits, all)},
       {"cases", rows},
       {"device", setup_.gpu.info().name},
       {"provenance", toJson(setup_.provenance)}};

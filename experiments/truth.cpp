@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "truth.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <nlohmann/json.hpp>
@@ -14,6 +16,14 @@
 
 namespace probelab {
 namespace {
+
+constexpr int kMostReceivers = 1 << 24;
+
+std::string checkCount(const std::string& text) {
+  const std::string wrong = checkPositiveInteger(text);
+  if (!wrong.empty() || std::stod(text) <= kMostReceivers) return wrong;
+  return fmt::format("'{}' is more than {} receivers", text, kMostReceivers);
+}
 
 namespace fs = std::filesystem;
 
@@ -65,7 +75,7 @@ void addTruthOptions(CLI::App& app, TruthOptions& options) {
           ->group("Receivers");
   app.add_option("--count", options.count, "receivers: 70 % on surfaces, 30 % in free space")
       ->type_name("N")
-      ->check(checkPositiveInteger)
+      ->check(checkCount)
       ->capture_default_str()
       ->group("Receivers")
       ->excludes(points);

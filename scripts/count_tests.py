@@ -7,6 +7,8 @@
 ctest calls both "skipped" and "could not be run" notrun. A test that skipped itself is known by the
 rule that matched, one that is switched off is disabled; every other test that did not run failed.
 """
+import argparse
+import pathlib
 import sys
 import xml.etree.ElementTree
 
@@ -23,10 +25,11 @@ def outcome(case):
 
 
 def main():
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("report", type=pathlib.Path, help="what ctest --output-junit wrote")
     try:
-        cases = list(xml.etree.ElementTree.parse(sys.argv[1]).iter("testcase"))
+        cases = list(xml.etree.ElementTree.parse(parser.parse_args().report).iter("testcase"))
     except (OSError, xml.etree.ElementTree.ParseError) as error:
         print("count_tests: %s" % error, file=sys.stderr)
         return 1

@@ -14,9 +14,6 @@ import json
 import pathlib
 import sys
 
-import flip_evaluator
-import numpy as np
-
 EXPECTED = pathlib.Path(__file__).resolve().parent.parent / "tests/unit/metrics/flip_expected.json"
 TOLERANCE = 1e-6  # of the same program on another machine: float rounding of a mean
 
@@ -30,6 +27,7 @@ def noise(x, y, c):
 
 def image(width, height, value):
     """value(x, y, channel) over the image, as float32 [y][x][channel]."""
+    import numpy as np
     return np.array([[[value(x, y, c) for c in range(3)] for x in range(width)]
                      for y in range(height)], dtype=np.float32)
 
@@ -68,6 +66,8 @@ def cases():
 
 
 def evaluate(kind, reference, test, parameters):
+    import flip_evaluator
+    import numpy as np
     error_map, mean, used = flip_evaluator.evaluate(
         reference, test, kind, inputsRGB=False, applyMagma=False, parameters=dict(parameters))
     error_map = np.asarray(error_map).reshape(reference.shape[0], reference.shape[1], -1)[:, :, 0]
@@ -84,7 +84,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--write", action="store_true", help="replace the expected values")
     write = parser.parse_args().write
-    rows = {name: evaluate(*case) for name, case in cases().items()}
+    try:
+        rows = {name: evaluate(*case) for name, case in cases().items()}
+    except ImportError as error:
+        print(f"crosscheck_flip: {error}; it is a package from PyPI: python3 -m venv VENV && "
+              "VENV/bin/pip install flip-evaluator numpy, then VENV/bin/python "
+              "scripts/crosscheck_flip.py", file=sys.stderr)
+        sys.exit(2)
     if write:
         EXPECTED.write_text(json.dumps(rows, indent=2) + "\n")
     expected = json.loads(EXPECTED.read_text())

@@ -14,9 +14,10 @@ import pathlib
 import sys
 
 from figures_captions import caption
-from figures_cells import InputError, load_folder
-from figures_tables import READABLE, TABLES, kind_of
+from figures_cells import InputError, cell_files, load_folder
+from figures_tables import DAMAGE, READABLE, TABLES, drawable, kind_of
 from pipeline_report import aligned, number
+from whole_output import no_matplotlib, of_system
 
 
 def table_text(rows):
@@ -97,17 +98,32 @@ def choose(folder, studies, only):
     return chosen
 
 
-def run(options):
-    """Exit code; raises InputError."""
-    work, failed, sources = [], False, {}
-    for folder in options.folders:
+def with_cells(folders):
+    """Those of several folders that have cells; a single one says itself what it lacks."""
+    for folder in folders:
+        if not folder.exists():
+            raise InputError(f"{folder}: no such folder")
+    if len(folders) == 1:
+        return folders
+    kept = [folder for folder in folders if cell_files(folder)]
+    if not kept:
+        raise InputError(f"{', '.join(map(str, folders))}: no cells in any of them; "
+                         "'probelab run STUDY --results DIR' makes them")
+    for folder in folders:
+        if folder not in kept:
+            note(f"{folder}: no cells; left out")
+    return kept
+
+
+def planned(options):
+    """(study, kind, output folder, damaged cells of its folder) to draw, and all damaged cells."""
+    work, all_damaged, sources = [], 0, {}
+    for folder in with_cells(options.folders):
         studies, damaged = load_folder(folder)
         for line in damaged:
             note(line)
-            failed = True
+        all_damaged += len(damaged)
         for study, kind in choose(folder, studies, options.only):
-            for line in study.left_out:
-                note(f"{folder}: {study.name}: {line}")
             target = options.output or folder / "figures"
             other = sources.setdefault((target, study.name), folder)
             if other != folder:
@@ -117,22 +133,37 @@ def run(options):
     if not work:
         only = f" named {' or '.join(options.only)}" if options.only else ""
         raise InputError(f"{', '.join(map(str, options.folders))}: no study{only} to draw")
+    return work, all_damaged
+
+
+def draw_whole(pyplot, study, kind, target, damaged):
+    """Draws what of a study can be; whether all could. Raises InputError."""
+    study, lines = drawable(study, kind)
+    for line in lines + [f"{study.folder}: {study.name}: {text}" for text in study.left_out]:
+        note(line)
+    try:
+        for path in draw_study(pyplot, study, kind, target, damaged + len(lines)):
+            print(path)
+    except DAMAGE as error:
+        raise InputError(f"{study.folder}: study '{study.name}' cannot be drawn, its cells lack "
+                         f"something: {type(error).__name__}: {error}") from error
+    return not lines
+
+
+def run(options):
+    """Exit code; raises InputError."""
+    work, damaged = planned(options)
+    failed = damaged > 0
     try:
         from figures_panels import load_pyplot
         pyplot = load_pyplot()
     except ImportError as error:
-        raise InputError(f"matplotlib cannot be loaded ({error}); Debian: python3-matplotlib, for "
-                         "/usr/bin/python3") from error
-    for study, kind, target, damaged in work:
+        raise InputError(no_matplotlib(error)) from error
+    for one in work:
         try:
-            for path in draw_study(pyplot, study, kind, target, damaged):
-                print(path)
+            failed = not draw_whole(pyplot, *one) or failed
         except InputError as error:  # the other studies are drawn all the same
             note(error)
-            failed = True
-        except (KeyError, TypeError, ValueError, IndexError) as error:
-            note(f"{study.folder}: study '{study.name}' cannot be drawn, its cells lack something: "
-                 f"{type(error).__name__}: {error}")
             failed = True
     return 1 if failed else 0
 
@@ -153,7 +184,7 @@ def main():
         note(error)
         return 2
     except OSError as error:
-        note(f"{error.filename}: {error.strerror}")
+        note(of_system(error))
         return 1
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The captions of figures: what is drawn, and from which runs. Standard library only."""
-from figures_cells import completeness, count
+from figures_cells import completeness, count, ordered, scenes_and_states
 from figures_tables import LAW, LEAST_LEAK
 
 INTERVALS = ("Points are means over seeds, after the lighting states of a scene are combined "
@@ -80,42 +80,38 @@ def several(values, most=12):
     return ", ".join(values)
 
 
-def scenes_and_states(study):
-    states = {}
-    for cell in study.cells:
-        states.setdefault(cell.scene, dict.fromkeys([]))[cell.state] = None
-    return "; ".join(f"{scene} ({', '.join(of)})" for scene, of in states.items())
+def numbers(study, of):
+    """Those that are there and not zero, each once, by size."""
+    return ordered(n for n in map(of, study.cells) if n)
 
 
 def probes_text(study):
-    asked = study.distinct(lambda c: (c.result.get("layout") or {}).get("asked"))
-    stored = [c.value("probes.stored") for c in study.cells if c.value("probes.stored")]
+    asked = numbers(study, lambda c: c.of_scene("layout.asked"))
+    stored = numbers(study, lambda c: c.of_scene("probes.stored"))
     if not stored:
         return ""
-    text = f"N: {several(f'{a:,}' for a in asked if a)} probes asked for, "
-    low, high = min(stored), max(stored)
+    text = f"N: {several(f'{a:,.0f}' for a in asked)} probes asked for, "
+    low, high = stored[0], stored[-1]
     return text + (f"{low:,.0f} stored" if low == high else f"{low:,.0f} to {high:,.0f} stored")
 
 
 def run_facts(study):
     """What the runs had in common, and what not."""
-    options = lambda name: study.distinct(
-        lambda c: " ".join(c.result["cell"].get("options", {}).get(name, [])))
     facts = [probes_text(study), f"seeds: {several(study.distinct(lambda c: c.seed))}"]
-    rays = study.distinct(lambda c: (c.result.get("params") or {}).get("rays", ""))
-    if any(rays):
-        facts.append(f"rays a probe and update: {several(rays)}")
+    rays = numbers(study, lambda c: c.value("params.rays"))
+    if rays:
+        facts.append(f"rays a probe and update: {several(f'{r:.0f}' for r in rays)}")
     modes = study.distinct(lambda c: c.text("mode"))
     if any(modes):
-        updates = [u for u in options("updates") if u]
+        updates = [u for u in study.distinct(lambda c: c.settings.get("updates", "")) if u]
         facts.append(f"mode: {several(modes)}"
                      + (f", {several(updates)} updates" if updates else ""))
-    receivers = study.distinct(lambda c: (c.result.get("receivers") or {}).get("count", ""))
-    if any(receivers):
-        splits = study.distinct(lambda c: (c.result.get("receivers") or {}).get("split", ""))
-        facts.append(f"receivers a scene: {several(f'{r:,}' for r in receivers if r)}, scored: "
-                     + several(splits))
-    facts += [f"scenes (states): {scenes_and_states(study)}",
+    receivers = numbers(study, lambda c: c.receivers())
+    if receivers:
+        splits = several(study.distinct(lambda c: c.text("receivers.split")))
+        facts.append(f"receivers a scene: {several(f'{r:,.0f}' for r in receivers)}"
+                     + (f", scored: {splits}" if splits else ""))
+    facts += [f"scenes (states): {scenes_and_states(study.cells)}",
               f"device: {several(study.distinct(lambda c: c.text('device')))}, tracer "
               + several(study.distinct(lambda c: c.text("tracer"))),
               f"version: {several(study.distinct(lambda c: c.text('version')))}"]
@@ -124,8 +120,7 @@ def run_facts(study):
 
 def rungs_text(study):
     """What the cells say of each rung."""
-    about = {r["name"]: r.get("about", "") for c in study.cells
-             for r in c.result.get("rungs") or []}
+    about = {r["name"]: r.get("about", "") for c in study.cells for r in c.found("rungs") or []}
     return "; ".join(f"{name}: {text}" if text else name for name, text in about.items())
 
 
@@ -133,7 +128,7 @@ def caption(kind, suffix, study, tables, damaged):
     """One paragraph of plain text."""
     rows = [r for table in tables.values() for r in table]
     says = SAYS[f"{kind}_{suffix}" if suffix else kind]
-    parts = [says] + [f"The rungs: {rungs_text(study)}"] * (kind == "budget")
+    parts = [says, f"The rungs: {rungs_text(study)}"] if kind == "budget" else [says]
     parts.append(INTERVALS if any((r.get("seeds") or 0) > 1 for r in rows) else NO_INTERVALS)
     if any(r.get("scene") == "all scenes" for r in rows):
         parts.append(ALL_SCENES)

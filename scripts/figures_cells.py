@@ -4,49 +4,103 @@ library only."""
 import csv
 import itertools
 import json
+import math
 import pathlib
+import re
 import tomllib
 
+from whole_output import InputError
+
 STUDIES = pathlib.Path(__file__).resolve().parent.parent / "experiments" / "studies"
+EVERYWHERE = ("scene", "state", "seed")  # axes that every study has
+TUNED_STATES = "train"  # the state of `tune` where none is named: all that are not held out
 
 
-class InputError(Exception):
-    """What is wrong with which file, in one line."""
+def member(table, name, kind):
+    """What a table has of this name and kind; in a damaged file anything may stand there."""
+    found = table.get(name) if isinstance(table, dict) else None
+    if not isinstance(found, kind):
+        raise TypeError(f"it has no {KINDS[kind]} '{name}'")
+    return found
+
+
+KINDS = {str: "text", list: "list", dict: "table"}
+
+
+def settings_of(options):
+    """{option: value}; the lists `set` and `option` key by key. Of a file only the name counts:
+    its way depends on where the study was started from."""
+    found = {}
+    for name in options:
+        values = [re.sub(r"[^,=]*/", "", str(value)) for value in member(options, name, list)]
+        if name in ("set", "option"):
+            found.update((f"{name} {key}", value)
+                         for key, _, value in (text.partition("=") for text in values))
+        elif name not in EVERYWHERE:
+            found[name] = " ".join(values)
+    return found
 
 
 class Cell:
-    """One result: `axes` as texts, `result` as the command printed it."""
+    """One result: `axes` as texts, `options` as they stand in it, `settings` to compare them,
+    `result` as the command printed it."""
 
     def __init__(self, path, result):
-        about = result["cell"]
+        about = member(result, "cell", dict)
         self.path, self.result = path, result
-        self.id, self.study, self.command = about["id"], about["study"], about["command"]
-        self.axes = {name: str(value) for name, value in about["axes"].items()}
-        self.scene, self.state = self.axes["scene"], self.axes.get("state", "")
+        self.id, self.study, self.command = (member(about, name, str)
+                                             for name in ("id", "study", "command"))
+        if self.study != pathlib.PurePath(self.study).name:
+            raise TypeError(f"its study '{self.study}' is no file's name")
+        self.axes = {name: str(value) for name, value in member(about, "axes", dict).items()}
+        self.options = member({"options": {}, **about}, "options", dict)
+        self.settings = settings_of(self.options)
+        if self.command == "tune" and "state" not in self.options and "state" in self.axes:
+            self.axes["state"] = TUNED_STATES  # older programs named the scene's first state
+        self.scene, self.state = member(self.axes, "scene", str), self.axes.get("state", "")
         self.seed = self.axes.get("seed", "")
 
-    def value(self, name):
-        """The number of this dotted name, or None."""
+    def found(self, name):
+        """What has this dotted name, or None. A number in it is the place in a list."""
         found = self.result
         for part in name.split("."):
-            found = found.get(part) if isinstance(found, dict) else None
+            if isinstance(found, list) and part.isdigit():
+                found = found[int(part)] if int(part) < len(found) else None
+            else:
+                found = found.get(part) if isinstance(found, dict) else None
+        return found
+
+    def value(self, name):
+        """The finite number of this dotted name, or None."""
+        found = self.found(name)
         if isinstance(found, bool) or not isinstance(found, (int, float)):
             return None
-        return float(found)
+        try:
+            return float(found) if math.isfinite(found) else None
+        except OverflowError:  # a whole number of more than 308 digits
+            return None
 
     def text(self, name, default=""):
-        found = self.result.get(name)
+        found = self.found(name)
         return found if isinstance(found, str) else default
+
+    def of_scene(self, name):
+        """The number of this name, which `tune` has by scene (a cell has one), or None."""
+        return self.value(f"scenes.0.{name}" if self.command == "tune" else name)
+
+    def receivers(self):
+        return self.of_scene("receivers" if self.command == "tune" else "receivers.count")
 
 
 class Study:
     """The cells of one study of a folder, one for every setting. `left_out`: texts, for what the
-    others were."""
+    others were. `numberless`: whole cells, not among `cells`, whose scenes have nothing to draw."""
 
-    def __init__(self, folder, name, cells, left_out):
+    def __init__(self, folder, name, cells, left_out, numberless=()):
         self.folder, self.name, self.cells, self.left_out = folder, name, cells, left_out
+        self.numberless = list(numberless)
         self.command = cells[0].command
-        self.axis_names = [a for a in cells[0].axes if a not in ("scene", "state", "seed")]
+        self.axis_names = [a for a in cells[0].axes if a not in EVERYWHERE]
 
     def distinct(self, of):
         """Values of of(cell), in order: numbers by size, else as they first come."""
@@ -54,6 +108,14 @@ class Study:
 
     def axis(self, name):
         return self.distinct(lambda cell: cell.axes.get(name, ""))
+
+
+def scenes_and_states(cells):
+    """'cornell (panel); two_rooms_door (day, night)'."""
+    states = {}
+    for cell in cells:
+        states.setdefault(cell.scene, {})[cell.state] = None
+    return "; ".join(f"{scene} ({', '.join(of)})" for scene, of in states.items())
 
 
 def count(number, noun):
@@ -71,24 +133,25 @@ def ordered(values):
 def read_cell(path):
     try:
         result = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a whole result: {error}") from error
     try:
         return Cell(path, result)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: not a cell of 'probelab run': no {error}") from error
+    except TypeError as error:
+        raise InputError(f"{path}: not a cell of 'probelab run': {error}") from error
 
 
 def listed_ids(path):
     """The ids in the table that the last run wrote; none where there is no table."""
-    if not path.is_file():
+    try:
+        with open(path, newline="") as file:
+            return {row.get("id") for row in csv.DictReader(file)}
+    except (OSError, ValueError, csv.Error):
         return set()
-    with open(path, newline="") as file:
-        return {row.get("id") for row in csv.DictReader(file)}
 
 
-def common_options(path):
-    """The options that a study file sets for all cells and no axis changes."""
+def options_of_axes(path):
+    """The options that the axes of a study file set."""
     with open(path, "rb") as file:
         plan = tomllib.load(file)
     varied = set()
@@ -96,44 +159,92 @@ def common_options(path):
         varied.add(axis.get("option"))
         for value in axis.get("value", []):
             varied.update(value.get("options", {}))
-    return sorted(set(plan.get("options", {})) - varied)
+    return varied
 
 
-def of_one_kind(name, cells):
-    """Of cells whose common options differ (sizes of a study that set their own) those of the
-    commonest kind, which alone can be compared; and a text for the rest."""
-    path, kinds = study_file(name), {}
-    names = common_options(path) if path else []
+def follows(cells, axis, name):
+    """Whether an option is the same wherever the axis is."""
+    pairs = {(cell.axes[axis], cell.settings.get(name)) for cell in cells}
+    return len(pairs) == len({value for value, _ in pairs})
+
+
+def set_by_axes(cells, listed, names):
+    """Those of these options that an axis sets, as the cells show it: they differ within one run,
+    whose other options are the same for all of its cells, or have one value for every value of an
+    axis. An axis whose values are those of another option sets that one alone."""
+    one_run = [cell.settings for cell in cells if cell.id in listed]
+    found = {name for name in names if len({of.get(name) for of in one_run}) > 1}
+    for axis in (a for a in cells[0].axes if a not in EVERYWHERE):
+        plain = {name for name in names
+                 if all(cell.settings.get(name) == cell.axes[axis] for cell in cells)}
+        found |= plain or {name for name in names if follows(cells, axis, name)}
+    return found
+
+
+def differing(cells):
+    """The options that are not the same in all of these cells."""
+    names = sorted({name for cell in cells for name in cell.settings})
+    return [n for n in names if len({cell.settings.get(n) for cell in cells}) > 1]
+
+
+def of_one_kind(folder, name, cells):
+    """Of cells whose common options differ (sizes of a study that set their own), or their axes
+    (the study was another one), those of the commonest kind, which alone can be compared; and a
+    text for the rest."""
+    by_axes = {}
     for cell in cells:
-        options = cell.result["cell"].get("options", {})
-        kinds.setdefault(tuple(" ".join(options.get(n, [])) for n in names), []).append(cell)
-    best = max(kinds, key=lambda kind: len(kinds[kind]))
-    if len(kinds) == 1:
-        return cells, []
-    differing = [n for i, n in enumerate(names) if len({kind[i] for kind in kinds}) > 1]
-    return kinds[best], [f"{count(len(cells) - len(kinds[best]), 'cell')} with another "
-                         f"{' or '.join(differing)} left out"]
+        by_axes.setdefault(tuple(cell.axes), []).append(cell)
+    best = max(by_axes.values(), key=len)
+    others = [f"{count(len(cells) - len(best), 'cell')} with other axes left out"] \
+        * (len(by_axes) > 1)
+    path, listed, names = study_file(name), listed_ids(folder / f"{name}.csv"), differing(best)
+    if path:
+        varied = options_of_axes(path)
+        names = [n for n in names if n.split(" ")[0] not in varied]
+    else:
+        varied = set_by_axes(best, listed, names)
+        names = [n for n in names if n not in varied]
+    kinds = {}
+    for cell in best:
+        kinds.setdefault(tuple(cell.settings.get(n) for n in names), []).append(cell)
+    kept = max(kinds.values(), key=lambda kind: (len(kind), sum(c.id in listed for c in kind)))
+    if len(kinds) > 1:
+        others.append(f"{count(len(best) - len(kept), 'cell')} with another "
+                      f"{' or '.join(names)} left out")
+    return kept, others
+
+
+def differences(cell, other):
+    """What of two cells with the same axes is not the same."""
+    names = {"version": "version", "device": "device", "provenance.scene_hash": "scene",
+             "scenes.0.hash": "scene"}
+    found = [says for name, says in names.items() if cell.found(name) != other.found(name)]
+    return [*found, *differing([cell, other])] or ["input file"]  # of their bytes is but the id
 
 
 def one_for_each_setting(folder, name, cells):
     """Of cells with the same axes (another version of the program, say) the one that the study's
     table lists, else the newest; and a text for the rest."""
     listed = listed_ids(folder / f"{name}.csv")
-    best = {}
-    for cell in cells:
+    best, rest = {}, []
+    for cell in sorted(cells, key=lambda c: (c.id in listed, c.path.stat().st_mtime_ns, c.id)):
         key = tuple(cell.axes.items())
-        rank = (cell.id in listed, cell.path.stat().st_mtime_ns, cell.id)
-        if key not in best or rank > best[key][0]:
-            best[key] = (rank, cell)
-    kept = [cell for _, cell in best.values()]
-    rest = len(cells) - len(kept)
-    return kept, [f"{count(rest, 'cell')} of the same settings but other versions left out"] \
-        * (rest > 0)
+        rest += [best[key]] if key in best else []
+        best[key] = cell
+    kept = [best[key] for key in dict.fromkeys(tuple(cell.axes.items()) for cell in cells)]
+    what = dict.fromkeys(d for cell in rest
+                         for d in differences(cell, best[tuple(cell.axes.items())]))
+    return kept, [f"{count(len(rest), 'cell')} of the same axes but another {' or '.join(what)} "
+                  "left out"] * bool(rest)
+
+
+def cell_files(folder):
+    return sorted(p for p in (folder / "cells").glob("*.json") if not p.name.startswith("."))
 
 
 def load_folder(folder):
     """The studies of a folder, and a line for every damaged cell."""
-    paths = sorted(p for p in (folder / "cells").glob("*.json") if not p.name.startswith("."))
+    paths = cell_files(folder)
     if not paths:
         raise InputError(f"{folder}: no cells; 'probelab run STUDY --results {folder}' makes them")
     by_study, damaged = {}, []
@@ -145,7 +256,7 @@ def load_folder(folder):
             damaged.append(str(error))
     studies = []
     for name, cells in sorted(by_study.items()):
-        alike, others = of_one_kind(name, cells)
+        alike, others = of_one_kind(folder, name, cells)
         kept, older = one_for_each_setting(folder, name, alike)
         studies.append(Study(folder, name, in_study_order(name, kept), others + older))
     return studies, damaged
@@ -159,11 +270,12 @@ def scene_name(path):
     return path.parent.name if path.name == "scene.toml" else f"{path.parent.name}/{path.stem}"
 
 
-def states_of(scene_path, wanted):
+def states_of(scene_path, wanted, command):
     with open(scene_path, "rb") as file:
         states = tomllib.load(file).get("state", [])
     if wanted is None or not states:
-        return [states[0]["name"] if states else "default"]
+        first = states[0]["name"] if states else "default"
+        return [TUNED_STATES if command == "tune" else first]
     if isinstance(wanted, list):
         return [s["name"] for s in states if s["name"] in wanted]
     return [s["name"] for s in states if wanted in ("all", s.get("split", "train"))]
@@ -187,7 +299,7 @@ def expand(path, size=None):
     wanted = part.get("states", plan.get("states"))
     cells = []
     for scene in scenes:
-        for state in states_of(path.parent / scene, wanted):
+        for state in states_of(path.parent / scene, wanted, plan["command"]):
             for values in itertools.product(*[[(n, v) for v in vs] for n, vs in axes]):
                 cells += [(("scene", scene_name(scene)), ("state", state), *values, ("seed", seed))
                           for seed in seeds]
@@ -212,7 +324,8 @@ def in_study_order(name, cells):
 
 def completeness(study):
     """'4 of 378 cells of the study (all 4 of its size smoke)', for the caption."""
-    have = {tuple(cell.axes.items()) for cell in study.cells}
+    cells = [*study.cells, *study.numberless]
+    have = {tuple(cell.axes.items()) for cell in cells}
     path = study_file(study.name)
     try:
         wanted = set(expand(path)) if path else set()
@@ -220,9 +333,12 @@ def completeness(study):
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a study: {error}") from error
     if not wanted:
-        settings = itertools.product(*[set(cell.axes[a] for cell in study.cells)
-                                       for a in study.cells[0].axes])
-        return f"{len(have)} of {len(list(settings))} cells (the product of the axes that occur)"
+        # A scene has states of its own: these two are one axis.
+        places = {(cell.scene, cell.state) for cell in cells}
+        product = math.prod((len({cell.axes[a] for cell in cells})
+                             for a in cells[0].axes if a not in ("scene", "state")),
+                            start=len(places))
+        return f"{len(have)} of {product} cells (the product of the axes that occur)"
     text = f"{len(have & wanted)} of {len(wanted)} cells of the study"
     for size, part in sorted(sizes.items(), key=lambda item: len(item[1])):
         if have <= part and len(part) < len(wanted):

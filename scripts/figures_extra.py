@@ -93,7 +93,7 @@ def draw_map(figure, panel, rows, metric, shared):
 
 
 def preset_of(study):
-    return " ".join(study.cells[0].result["cell"].get("options", {}).get("from", ["preset"]))
+    return " ".join(study.cells[0].options.get("from", ["preset"]))
 
 
 def draw_bias_map(pyplot, study, tables):

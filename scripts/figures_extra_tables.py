@@ -49,7 +49,7 @@ def spread(rows):
 
 def report_file(study, cell, name):
     """A file that the cell's run wrote into its report."""
-    folder = (cell.result["cell"].get("options", {}).get("report") or ["report"])[0]
+    folder = (cell.options.get("report") or ["report"])[0]
     return study.folder / "files" / cell.id / folder / name
 
 
@@ -69,7 +69,7 @@ def tables_bias_map(study):
                 for metric, column in MAPS.items():
                     grids.setdefault((*key, metric), []).append(float(row[column]))
         found = cell.result["bias_map"]["places"]
-        start = " ".join(cell.result["cell"].get("options", {}).get("from", []))
+        start = " ".join(cell.options.get("from", []))
         for place in found:
             if place["name"] == "from" and any(p["name"] == start for p in found):
                 continue  # that preset is among them
@@ -147,9 +147,8 @@ def exact_visibility(study):
     from figures_cells import Cell, Study
     cells = []
     for cell in study.cells:
-        rungs = cell.result.get("rungs")
-        if cell.command == "budget" and rungs:
-            error = {"noise_floor": cell.result["error"]["noise_floor"], **rungs[0]}
+        if cell.command == "budget":
+            error = {"noise_floor": cell.result["error"]["noise_floor"], **cell.result["rungs"][0]}
             cell = Cell(cell.path, {**cell.result, "error": error})
         cells.append(cell)
     return Study(study.folder, study.name, cells, study.left_out)

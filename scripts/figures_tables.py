@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What each figure plots, as tables of rows, and what its caption says of them. Standard library
 only. tables_NAME(study) returns {suffix: rows}; the figure is drawn from these rows alone."""
+import csv
 import math
 import re
 import statistics
 
+from figures_cells import InputError, Study, scenes_and_states
 from figures_extra_tables import (cost_rows, exact_visibility, tables_bias_map,
                                   tables_grid_robustness, tables_layout_tuning)
 from figures_points import (by_seed, combine, groups, mean_of, metric_rows, over_scenes, pareto,
@@ -227,6 +229,8 @@ def rung_values(study):
     for cell in study.cells:
         setting = ", ".join(cell.axes[a] for a in study.axis_names)
         for i, rung in enumerate(cell.result.get("rungs") or []):
+            if not isinstance(rung["name"], str):
+                raise TypeError(f"rung {i} has no name")
             for metric in RUNG_METRICS:
                 if isinstance(rung.get(metric), (int, float)):
                     key = (cell.scene, setting, i, rung["name"], metric)
@@ -279,3 +283,54 @@ def kind_of(study):
         return study.name
     return next((kind for kind, axes in kinds.items() if axes == set(study.axis_names)
                  and (axes or any(c.result.get("bias_map") for c in study.cells))), None)
+
+
+# Which cells can be drawn.
+
+# The numbers without which a cell is no point of a figure; where none is named, it has rows or not.
+NEEDS = {"error_vs_n": ("error.nrmse", "probes.stored"), "thin_wall": ("error.light_leak",),
+         "visibility_terms": ("error.nrmse",), "rays_hysteresis": ("error.nrmse",),
+         "texels": ("error.nrmse", "memory.atlas_per_probe"), "interpolants": ("error.nrmse",),
+         "formats": ("error.bias",), "speed_error": ("error.nrmse", "memory_bytes"),
+         "grid_robustness": ("error.nrmse",)}
+# What reading a result raises that has something else in the place of a table or a number.
+DAMAGE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, csv.Error)
+
+
+def lacks(study, kind, cell):
+    """What a figure needs and a cell has not, or ""; raises one of DAMAGE."""
+    one = Study(study.folder, study.name, [cell], [])
+    seen, = (exact_visibility(one) if kind == "visibility_terms" else one).cells
+    for name in NEEDS.get(kind, ()):
+        if seen.value(name) is None:
+            return f"number '{name}'"
+    rows = TABLES[kind](one)[""]
+    return "" if rows or kind in NEEDS else "number of its figure"
+
+
+def drawable(study, kind):
+    """The study without the cells that cannot be drawn, and a line for each that is damaged. A
+    state of a scene in which no cell has its numbers is not: it gets no light, say."""
+    whole, lacking, damaged = [], [], []
+    for cell in study.cells:
+        try:
+            missing = lacks(study, kind, cell)
+        except (*DAMAGE, OSError) as error:
+            damaged.append(f"{cell.path}: not a whole result: {type(error).__name__}: {error}")
+            continue
+        if missing:
+            lacking.append((cell, missing))
+        else:
+            whole.append(cell)
+    if not whole and damaged:
+        return study, []  # it is the study that is not what its figure wants; drawing says why
+    if not whole:
+        raise InputError(f"{study.folder}: none of the {len(lacking)} cells of '{study.name}' "
+                         "has the numbers that its figure shows")
+    places = {(cell.scene, cell.state) for cell in whole}
+    numberless = [cell for cell, _ in lacking if (cell.scene, cell.state) not in places]
+    damaged += [f"{cell.path}: not a whole result: no {missing}"
+                for cell, missing in lacking if (cell.scene, cell.state) in places]
+    left_out = [f"{scenes_and_states(numberless)} left out for lack of a number"] \
+        if numberless else []
+    return Study(study.folder, study.name, whole, study.left_out + left_out, numberless), damaged

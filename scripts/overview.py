@@ -14,6 +14,8 @@ import sys
 import time
 import tomllib
 
+from whole_output import InputError, object_of, of_system
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 
 # Share of a scene's time that each step takes, for the time left.
@@ -76,7 +78,7 @@ class Study:
             print(f"overview: failed: {' '.join(command)}", file=sys.stderr)
             sys.exit(result.returncode if result.returncode > 0 else 1)
         self.progress.done += STEP_WEIGHTS[step]
-        return json.loads(result.stdout)
+        return object_of(result.stdout, f"{self.program} {arguments[0]}")
 
     def scene(self, scene):
         """All steps of one scene; returns the evaluations, one a preset."""
@@ -201,3 +203,9 @@ if __name__ == "__main__":
     except KeyboardInterrupt:
         print("overview: interrupted; finished cells are kept", file=sys.stderr)
         sys.exit(130)
+    except InputError as error:
+        print(f"overview: {error}", file=sys.stderr)
+        sys.exit(2)
+    except OSError as error:
+        print(f"overview: {of_system(error)}", file=sys.stderr)
+        sys.exit(2)

@@ -15,6 +15,7 @@ import tomllib
 
 from overview import ROOT, Progress, scene_name
 from pipeline_report import report
+from whole_output import InputError, object_of, of_system
 
 # Rows of the built-in ablations, for the time left; another counts as 10.
 ABLATION_ROWS = {"presets": 5, "drop_one": 10, "storage": 26, "talk": 11}
@@ -109,20 +110,29 @@ class Study:
             result = json.loads((self.folder / run["file"]).read_text())
         except (OSError, ValueError):
             return None
-        return result if result.get("arguments") == run["arguments"] else None
+        same = isinstance(result, dict) and result.get("arguments") == run["arguments"]
+        return result if same else None
 
     def one(self, run):
         """Runs a command and writes its trimmed JSON; None, and a message kept, if it fails."""
         self.progress.show(f"{run['table']}: {run['scene']}")
         command = [str(self.program), *run["arguments"], *self.common]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+        except OSError as error:  # the program is gone, or being linked at this moment
+            self.failures[run["file"]] = of_system(error)
+            return None
         if done.returncode == 130:
             raise KeyboardInterrupt
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
             self.failures[run["file"]] = lines[-1]
             return None
-        result = trim(run, json.loads(done.stdout))
+        try:
+            result = trim(run, object_of(done.stdout, f"{self.program} {run['arguments'][0]}"))
+        except InputError as error:
+            self.failures[run["file"]] = str(error)
+            return None
         whole = self.folder / (run["file"] + ".part")
         whole.write_text(json.dumps(result, indent=1) + "\n")
         whole.replace(self.folder / run["file"])

@@ -24,6 +24,7 @@ from overview import ROOT, Progress, scene_name
 from placement_figure import write_figure
 from placement_report import report
 from placement_rows import load_rows
+from whole_output import InputError, object_of
 
 PARTS = ["main", "curves", "retraining"]
 KEY = ["scene", "layout", "probes", "layout_seed", "state", "seed", "settings"]
@@ -287,7 +288,10 @@ class Study:
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
             raise Failed(lines[-1])
-        return json.loads(done.stdout)
+        try:
+            return object_of(done.stdout, f"{self.program} {arguments[0]}")
+        except InputError as error:
+            raise Failed(str(error)) from error
 
 
 def chosen(text, of, what, parser):

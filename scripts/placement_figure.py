@@ -4,6 +4,7 @@ import math
 
 from placement_report import LIGHTS, Tables
 from placement_rows import bootstrap_sums, percentiles
+from whole_output import no_matplotlib
 
 
 def curve_interval(results, key, seeds):
@@ -48,8 +49,8 @@ def write_figure(study, rows, folder):
         import matplotlib
         matplotlib.use("Agg")
         from matplotlib import pyplot
-    except ImportError:
-        return "no figure: matplotlib is not installed (Debian: python3-matplotlib)"
+    except ImportError as error:
+        return f"no figure: {no_matplotlib(error)}"
     matplotlib.rcParams["svg.hashsalt"] = "probelab"
     figure, axes = pyplot.subplots(len(shown), len(scenes), squeeze=False, sharex=True,
                                    figsize=(3.4 * len(scenes), 3.0 * len(shown)))

@@ -27,10 +27,10 @@ def load_rows(folder):
     for line in text.splitlines():
         try:
             row = json.loads(line)
-        except ValueError:
+            rows[tuple(row[k] for k in ("scene", "layout", "probes", "layout_seed", "state",
+                                        "seed", "settings"))] = row
+        except (ValueError, LookupError, TypeError):
             continue
-        rows[tuple(row[k] for k in ("scene", "layout", "probes", "layout_seed", "state", "seed",
-                                    "settings"))] = row
     return list(rows.values())
 
 

@@ -14,10 +14,9 @@ import argparse
 import csv
 import json
 import pathlib
-import subprocess
 import sys
 
-from whole_output import run_main, whole_folder
+from whole_output import printed, run_main, whole_folder
 
 sys.dont_write_bytecode = True
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -154,15 +153,8 @@ def main():
     options = parser.parse_args()
     if not options.no_figure:
         import matplotlib  # noqa: F401: before the minutes that the curves take
-    if options.rows:
-        text = options.rows.read_text()
-    else:
-        done = subprocess.run([options.program, *COMMAND[1:]], stdout=subprocess.PIPE, text=True,
-                              check=False)
-        if done.returncode != 0:
-            sys.exit(done.returncode)
-        text = done.stdout
-    result = json.loads(text)
+    result = printed(options.program, COMMAND[1:], {"curves": list, "provenance": dict},
+                     options.rows)
     with whole_folder(options.output) as folder:
         publish(result, folder)
         if not options.no_figure:

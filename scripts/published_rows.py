@@ -18,7 +18,7 @@ RUNG = ("nrmse", "bias", "light_leak", "shadow_leak", "smape", "share", "mean_sq
 
 def rows_of(study):
     rows = []
-    for cell in study.cells:
+    for cell in [*study.cells, *study.numberless]:
         head = {"id": cell.id, **cell.axes}
         of = {"tune": tune_rows, "budget": budget_rows}.get(cell.command, evaluate_rows)(cell)
         rows += [{**head, **row} for row in of]
@@ -76,18 +76,24 @@ def numbers(rows, column):
     return [float(r[column]) for r in rows if r.get(column)]
 
 
+def provenance_of(cell, name):
+    provenance = cell.found("provenance")
+    return provenance[name] if isinstance(provenance, dict) and name in provenance \
+        else cell.text(name)
+
+
 def manifest(study, size, command, completeness):
     """Where the rows come from: what all cells have in common, and what not."""
     def distinct(name):
-        found = [c.result.get("provenance", {}).get(name, c.text(name)) for c in study.cells]
-        return sorted({str(f) for f in found if f not in (None, "")})
+        return sorted({str(f) for f in (provenance_of(c, name) for c in study.cells)
+                       if f not in (None, "")})
+    receivers = study.distinct(lambda c: c.receivers())
     return {"study": study.name, "size": size, "command": command, "cells": completeness,
             "seeds": study.distinct(lambda c: c.seed), "scenes": study.axis("scene"),
-            "receivers": study.distinct(
-                lambda c: (c.result.get("receivers") or {}).get("count", "")),
+            "receivers": [int(n) for n in receivers if n],
             **{name: distinct(name) for name in ("device", "driver", "tracer", "version",
                                                  "compiler", "build_type")},
-            "seconds": round(sum(c.result["cell"].get("seconds", 0) for c in study.cells), 1)}
+            "seconds": round(sum(c.value("cell.seconds") or 0 for c in study.cells), 1)}
 
 
 def write_manifest(path, found):

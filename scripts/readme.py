@@ -9,9 +9,13 @@ Two marks, which a reader does not see:
   <!-- block: NAME --> ... <!-- end -->     all between them; BLOCKS makes it
   0.0398<!-- = SOURCE -->                   a number; SOURCE is a name in VALUES, or a JSON file in
                                             results/published, '#' and a dotted name
+
+Any other comment is refused, because it may be one of these, misspelt; so is a README without one
+of the blocks.
 """
 import argparse
 import json
+import lzma
 import pathlib
 import re
 import statistics
@@ -23,9 +27,13 @@ from pipeline_report import aligned, number, presets_tables
 from placement_report import Tables
 from placement_rows import load_rows
 from published_rows import numbers, read_rows
+from whole_output import of_system
 
 BLOCK = re.compile(r"(<!-- block: ([a-z_]+) -->\n)(.*?)(<!-- end -->)", re.S)
 VALUE = re.compile(r"([-+\d.,eE]+)(<!-- = (\S+) -->)")
+COMMENT = re.compile(r"<!--.*?(-->|$)", re.S)
+# What making numbers of damaged results raises.
+DAMAGE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, lzma.LZMAError)
 
 
 class Missing(Exception):
@@ -35,7 +43,9 @@ class Missing(Exception):
 def read_json(path):
     try:
         return json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise Missing(of_system(error)) from error
+    except ValueError as error:
         raise Missing(f"{path}: {error}") from error
 
 
@@ -311,22 +321,49 @@ def value_of(source, published):
     return number(found)
 
 
-def renewed(text, published):
+def check_marks(text, readme):
+    """Raises Missing where a comment is no mark, or a block is unknown or nowhere."""
+    known = {place for match in BLOCK.finditer(text) for place in (match.start(1), match.start(4))}
+    known |= {match.start(2) for match in VALUE.finditer(text)}
+    for match in COMMENT.finditer(text):
+        if match.start() not in known:
+            line = text.count("\n", 0, match.start()) + 1
+            raise Missing(f"{readme}:{line}: '{match[0].splitlines()[0]}' is no mark, or not where "
+                          "one may stand; see scripts/readme.py --help")
+    found = [match[2] for match in BLOCK.finditer(text)]
+    for name in found:
+        if name not in BLOCKS:
+            raise Missing(f"{readme}: there is no block '{name}'; {', '.join(BLOCKS)}")
+    for name in BLOCKS:
+        if name not in found:
+            raise Missing(f"{readme}: block '{name}' is missing; put in <!-- block: {name} --> "
+                          "and <!-- end -->, each on a line of its own")
+
+
+def made(name, make, published):
+    """What a block or value is; Missing where results are damaged."""
+    try:
+        return make(published)
+    except DAMAGE as error:
+        raise Missing(f"'{name}' cannot be made, its results in {published} lack something: "
+                      f"{type(error).__name__}: {error}") from error
+
+
+def renewed(text, published, readme):
     """The README with the numbers of the published rows, and what was different."""
+    check_marks(text, readme)
     differ = []
 
     def block(match):
         head, name, old, tail = match.groups()
-        if name not in BLOCKS:
-            raise Missing(f"README.md: there is no block '{name}'; {', '.join(BLOCKS)}")
-        new = BLOCKS[name](published)
+        new = made(name, BLOCKS[name], published)
         if new != old:
             differ.append(f"block {name}: {first_difference(old, new)}")
         return head + new + tail
 
     def value(match):
         old, mark, source = match.groups()
-        new = value_of(source, published)
+        new = made(source, lambda of: value_of(source, of), published)
         if new != old:
             differ.append(f"{source}: README.md says {old}, the rows say {new}")
         return new + mark
@@ -350,16 +387,22 @@ def main():
     parser.add_argument("--readme", type=pathlib.Path, default=ROOT / "README.md")
     parser.add_argument("--published", type=pathlib.Path, default=ROOT / "results/published")
     options = parser.parse_args()
-    text = options.readme.read_text()
     try:
-        new, differ = renewed(text, options.published)
-    except (Missing, OSError) as error:
+        text = options.readme.read_text()
+        new, differ = renewed(text, options.published, options.readme)
+        if options.write and new != text:
+            options.readme.write_text(new)
+    except Missing as error:
         print(f"readme.py: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"readme.py: {of_system(error)}", file=sys.stderr)
+        return 2
+    except UnicodeDecodeError as error:
+        print(f"readme.py: {options.readme}: no text: {error}", file=sys.stderr)
         return 2
     for line in differ:
         print(f"readme.py: {line}", file=sys.stderr)
-    if options.write and new != text:
-        options.readme.write_text(new)
     return 1 if differ and options.check else 0
 
 

@@ -11,8 +11,9 @@ fails.
 import argparse
 import json
 import pathlib
-import subprocess
 import sys
+
+from whole_output import printed, run_main, whole_folder
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 COMMAND = ["probelab", "stability", "--json"]
@@ -27,7 +28,6 @@ def publish(result, folder):
                 **{k: provenance[k] for k in ("device", "driver", "tracer", "version", "compiler",
                                               "build_type", "seed") if k in provenance},
                 "seconds": round(result["seconds"], 1)}
-    folder.mkdir(parents=True, exist_ok=True)
     lines = ",\n".join("  " + json.dumps(r, ensure_ascii=False) for r in rows)
     (folder / "rows.json").write_text('{"cases": [\n' + lines + "\n]}\n")
     (folder / "manifest.json").write_text(json.dumps(manifest, indent=1) + "\n")
@@ -42,19 +42,14 @@ def main():
     parser.add_argument("-o", "--output", default=ROOT / "results/published/stability",
                         type=pathlib.Path, help="folder (default: results/published/stability)")
     options = parser.parse_args()
-    if options.rows:
-        text = options.rows.read_text()
-    else:
-        done = subprocess.run([options.program, *COMMAND[1:]], stdout=subprocess.PIPE, text=True,
-                              check=False)
-        if done.returncode not in (0, 3):
-            sys.exit(done.returncode)
-        text = done.stdout
-    counts = publish(json.loads(text), options.output)
+    result = printed(options.program, COMMAND[1:], {"cases": list, "provenance": dict},
+                     options.rows, codes=(0, 3))
+    with whole_folder(options.output) as folder:
+        counts = publish(result, folder)
     print(f"{counts['holds']} hold, {counts['limit']} limits, {counts['fails']} fail",
           file=sys.stderr)
     sys.exit(3 if counts["fails"] else 0)
 
 
 if __name__ == "__main__":
-    main()
+    run_main(main)

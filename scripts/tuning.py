@@ -19,7 +19,9 @@ import tomllib
 from overview import ROOT, Progress, scene_name
 from placement import Failed, Interrupted, Study as Runner, chosen, settings_of
 from placement_rows import load_rows
+from tuning_figure import draw
 from tuning_report import FROM, LEFT_OUT, SHARED, TUNED, report
+from whole_output import InputError, no_matplotlib, of_system
 
 PARTS = ["scenes", "leave_one_out"]
 ERRORS = ["nrmse", "smape", "bias", "light_leak", "shadow_leak", "dark_leak"]
@@ -177,15 +179,19 @@ def score_rows(common, names, score, renamed, run, others=True):
 
 
 def draw_figures(folder, units):
-    """Pictures beside each report of the first seed. Returns why there are none."""
-    try:
-        from tuning_figure import draw
-        for unit in units:
-            if (folder / "reports" / unit / "tune.json").exists():
-                draw(folder / "reports" / unit, folder / "reports" / unit)
-    except ImportError:
-        return "no figures: matplotlib is not installed (Debian: python3-matplotlib)"
-    return ""
+    """Pictures beside each report of the first seed. Returns a line for each that there is not."""
+    notes = []
+    for report_folder in (folder / "reports" / unit for unit in units):
+        try:
+            if (report_folder / "tune.json").exists():
+                draw(report_folder, report_folder)
+        except ImportError as error:
+            return [f"no figures: {no_matplotlib(error)}"]
+        except InputError as error:
+            notes.append(f"no figure: {error}")
+        except OSError as error:
+            notes.append(f"no figure: {of_system(error)}")
+    return notes
 
 
 def publish(folder, target, units):
@@ -278,9 +284,9 @@ def main():
     (folder / "tuning.md").write_text(text)
     first = [f"{scene_name(s)}_{n}_{study['seeds'][0]}" for s in study["scenes"]
              for n in study["probes"]]
-    note = draw_figures(folder, first)
+    notes = draw_figures(folder, first)
     print(text)
-    if note:
+    for note in notes:
         print(f"tuning: {note}", file=sys.stderr)
     for name, why in failures.items():
         print(f"tuning: failed: {name}: {why}", file=sys.stderr)

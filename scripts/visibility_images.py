@@ -11,6 +11,7 @@ import sys
 import tomllib
 
 from overview import ROOT, scene_name
+from whole_output import InputError, first_paragraph, no_matplotlib, object_of, of_system
 
 STUDY = ROOT / "experiments/studies/visibility_terms.toml"
 # Scene, camera that looks at its dark side, and exposure in stops: what leaks is seen only where it
@@ -59,7 +60,7 @@ class Pictures:
         if done.returncode != 0:
             sys.stderr.write(done.stderr)
             sys.exit(done.returncode if done.returncode > 0 else 1)
-        return json.loads(done.stdout)
+        return object_of(done.stdout, f"{self.options.program} {arguments[0]}")
 
     def kept(self, path, *arguments):
         """Runs what writes `path`, unless the same was done before."""
@@ -106,7 +107,7 @@ class Pictures:
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=first_paragraph(__doc__))
     parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/probelab")
     parser.add_argument("--size", choices=sorted(SAMPLES), default="published")
     parser.add_argument("--probes", type=int, default=512)
@@ -115,6 +116,7 @@ def main():
     parser.add_argument("-o", "--output", type=pathlib.Path,
                         default=ROOT / "results/published/visibility_terms")
     options = parser.parse_args()
+    import matplotlib  # noqa: F401: before the minutes that the renders take
     options.program, options.runs = options.program.resolve(), options.runs.resolve()
     options.output = options.output.resolve()
     options.output.mkdir(parents=True, exist_ok=True)
@@ -125,4 +127,13 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except InputError as error:
+        text = error
+    except ImportError as error:
+        text = no_matplotlib(error)
+    except OSError as error:
+        text = of_system(error)
+    print(f"visibility_images.py: {text}", file=sys.stderr)
+    sys.exit(2)

@@ -14,10 +14,14 @@ std::string printable(const std::string& text, std::size_t limit) {
   return result;
 }
 
-void checkFailed(const char* expression, const char* file, int line, const std::string& detail) {
-  fmt::print(stderr, "{}:{}: check failed: {}{}{}\n", file, line, expression,
-             detail.empty() ? "" : ": ", detail);
+void printToStderr(std::string_view text) {
+  std::fwrite(text.data(), 1, text.size(), stderr);
   std::fflush(stderr);
+}
+
+void checkFailed(const char* expression, const char* file, int line, const std::string& detail) {
+  printToStderr(fmt::format("{}:{}: check failed: {}{}{}\n", file, line, expression,
+                            detail.empty() ? "" : ": ", detail));
   std::abort();
 }
 

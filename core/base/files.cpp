@@ -12,6 +12,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 
 namespace probelab {
 namespace fs = std::filesystem;
@@ -27,6 +28,15 @@ fs::path temporaryPath(const fs::path& path) {
   temporary.replace_filename(
       fmt::format(".{}.{}.tmp{}", path.stem().string(), processTag(), path.extension().string()));
   return temporary;
+}
+
+// Where links lead, also to a file that is not there yet.
+fs::path targetOf(fs::path path) {
+  constexpr int kMostLinks = 40;
+  std::error_code ec;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(path, ec); ++i)
+    path = path.parent_path() / fs::read_symlink(path, ec);
+  return path;
 }
 
 // Without dots, which separate the parts of temporary names.
@@ -60,8 +70,9 @@ bool isFolder(const fs::path& path) {
 
 fs::path plainPath(const fs::path& path) {
   std::error_code ec;
-  const fs::path plain = fs::weakly_canonical(path, ec);
-  return ec ? fs::absolute(path).lexically_normal() : plain;
+  const fs::path whole = fs::absolute(path, ec);
+  const fs::path plain = fs::weakly_canonical(whole, ec);
+  return ec ? whole.lexically_normal() : plain;
 }
 
 std::string processTag() { return fmt::format("{}-{}", getpid(), hostName()); }
@@ -88,11 +99,13 @@ std::vector<std::byte> readFile(const fs::path& path) {
   if (fs::is_character_file(path, ec) || fs::is_block_file(path, ec))
     throwInput("{}: is a device, a file is needed", path.string());
   const File file(std::fopen(path.c_str(), "rb"));
+  if (!file && errno == EINTR) throwIfInterrupted();
   if (!file) throwInput("{}: cannot be read: {}", path.string(), std::strerror(errno));
   std::vector<std::byte> bytes;
   std::byte chunk[1 << 16];
   for (std::size_t n; (n = std::fread(chunk, 1, sizeof chunk, file.get())) > 0;)
     bytes.insert(bytes.end(), chunk, chunk + n);
+  if (std::ferror(file.get()) && errno == EINTR) throwIfInterrupted();
   if (std::ferror(file.get()))
     throwInput("{}: cannot be read: {}", path.string(), std::strerror(errno));
   return bytes;
@@ -109,9 +122,11 @@ std::string readCsvFile(const fs::path& path) {
   return text;
 }
 
-void writeFileAtomically(const fs::path& path, const std::function<void(const fs::path&)>& write) {
-  const fs::path temporary = temporaryPath(path);
+void writeFileAtomically(const fs::path& wanted,
+                         const std::function<void(const fs::path&)>& write) {
   std::error_code ec;
+  const fs::path path = targetOf(wanted);
+  const fs::path temporary = temporaryPath(path);
   try {
     write(temporary);
   } catch (...) {

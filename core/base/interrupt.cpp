@@ -18,8 +18,12 @@ void onSignal(int signal) {
 }  // namespace
 
 void installInterruptHandler() {
-  std::signal(SIGINT, onSignal);
-  std::signal(SIGTERM, onSignal);
+  // Without SA_RESTART: waiting for a pipe that nobody writes to ends as well.
+  struct sigaction action {};
+  action.sa_handler = onSignal;
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);  // a write beyond a limit fails instead
 }
 
 bool interruptRequested() { return interrupt_requested; }

@@ -9,6 +9,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "base/error.h"
+
 namespace probelab {
 namespace {
 constexpr double kTerminalIntervalS = 0.2;
@@ -43,14 +45,13 @@ void Progress::print(double done) {
   const double elapsed = timer_.seconds();
   const std::string left =
       share > 0 ? ", " + formatDuration(elapsed * (1 - share) / share) + " left" : "";
-  fmt::print(stderr, "{}{}: {:3.0f} %{}{}", on_terminal_ ? "\r" : "", label_, 100 * share, left,
-             on_terminal_ ? "   \x1b[K" : "\n");
-  std::fflush(stderr);
+  printToStderr(fmt::format("{}{}: {:3.0f} %{}{}", on_terminal_ ? "\r" : "", label_, 100 * share,
+                            left, on_terminal_ ? "   \x1b[K" : "\n"));
   printed_ = true;
 }
 
 void Progress::finish() {
-  if (printed_ && on_terminal_) fmt::print(stderr, "\r\x1b[K");
+  if (printed_ && on_terminal_) printToStderr("\r\x1b[K");
   printed_ = false;
 }
 

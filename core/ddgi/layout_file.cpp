@@ -388,7 +388,8 @@ float farthestPlace(const Box3f& bounds) {
 }
 
 // What a strategy never writes though each number alone would do: probes far from the bounds or
-// away from their lattice points, voxels that leave a part of the bounds out, lengths beyond all measure.
+// away from their lattice points, voxels that leave a part of the bounds out, lengths beyond all
+// measure.
 void checkPlaces(const ProbeLayout& layout, const std::string& file) {
   const float longest = kLongestLength * length(layout.bounds.extent());
   if (!(layout.bias_length_m < longest) || !(layout.support_radius_m < longest))

@@ -214,8 +214,10 @@ bool ProbeField::pointsAreProbes() const {
 
 FieldAccess ProbeField::access() const {
   FieldAccess access;
-  access.layout = {
-      .moved = moved_, .full = pointsAreProbes(), .walls = walls_, .interpolant = queryInterpolant(layout_)};
+  access.layout = {.moved = moved_,
+                   .full = pointsAreProbes(),
+                   .walls = walls_,
+                   .interpolant = queryInterpolant(layout_)};
   access.inputs = {{"FIELD", &field_constants_, true}, {"COUNTERS", &counter_buffer_}};
   const auto copy = static_cast<std::size_t>(current_);
   access.addresses = {.irradiance = irradiance_.copies[copy].address(),

@@ -230,7 +230,9 @@ std::size_t chooseDevice(std::span<const DeviceInfo> devices, const std::string&
   if (devices.empty()) throwNoDevice();
   if (wanted.empty()) return bestDevice(devices);
   std::size_t found = indexOf(devices, wanted);
-  if (found == devices.size()) {
+  // A number is an index and nothing else, though names hold numbers too.
+  const bool number = std::ranges::all_of(wanted, [](unsigned char c) { return std::isdigit(c); });
+  if (found == devices.size() && !number) {
     for (std::size_t i = 0; i < devices.size(); ++i) {
       if (lower(devices[i].name).find(lower(wanted)) == std::string::npos) continue;
       if (found != devices.size())

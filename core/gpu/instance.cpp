@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Vulkan instance with the optional validation layer.
 #include <algorithm>
-#include <cstdio>
 #include <cstring>
 
 #include "vulkan_state.h"
@@ -18,7 +17,7 @@ VKAPI_ATTR VkBool32 VKAPI_CALL collectMessage(VkDebugUtilsMessageSeverityFlagBit
   auto& log = *static_cast<ValidationLog*>(user);
   const std::lock_guard lock(log.mutex);
   log.messages.emplace_back(data->pMessage != nullptr ? data->pMessage : "(no text)");
-  if (log.print) fmt::print(stderr, "Vulkan validation: {}\n", log.messages.back());
+  if (log.print) printToStderr(fmt::format("Vulkan validation: {}\n", log.messages.back()));
   return VK_FALSE;
 }
 

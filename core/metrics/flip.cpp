@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/parallel.h"
 #include "validate.h"
 
@@ -21,6 +22,7 @@ constexpr double kColorCut = 0.4;               // p_c
 constexpr double kColorCutValue = 0.95;         // p_t
 constexpr double kFeatureExponent = 0.5;        // q_f
 constexpr double kFeatureWidthDegrees = 0.082;  // w
+constexpr double kMostStops = 64;               // either side of 1
 constexpr double kAutomaticLevel = 0.85;        // of the tone curve, for automatic exposures
 
 using Plane = std::vector<double>;  // [y][x]
@@ -337,6 +339,9 @@ FlipResult ldrFlip(std::span<const Vec3f> reference, std::span<const Vec3f> test
 FlipExposureRange flipExposures(double start, double stop) {
   if (!std::isfinite(start) || !std::isfinite(stop) || start > stop)
     throwInput("flip: exposures from {} to {}: start must not be above stop", start, stop);
+  if (std::abs(start) > kMostStops || std::abs(stop) > kMostStops)
+    throwInput("flip: exposures from {} to {}: beyond {} stops everything is black or white", start,
+               stop, kMostStops);
   return {start, stop, std::max(2, static_cast<int>(std::ceil(stop - start)))};
 }
 
@@ -365,6 +370,7 @@ FlipResult hdrFlip(std::span<const Vec3f> reference, std::span<const Vec3f> test
   PROBELAB_CHECK(exposures.count > 0);
   Plane largest(size.count(), 0.0);
   for (int e = 0; e < exposures.count; ++e) {
+    throwIfInterrupted();
     const double share = exposures.count > 1 ? double(e) / (exposures.count - 1) : 0.0;
     const double gain = std::exp2(exposures.start + share * (exposures.stop - exposures.start));
     const auto expose = [&](double v) { return acesCurve(gain * v); };

@@ -17,6 +17,8 @@ namespace probelab {
 namespace fs = std::filesystem;
 namespace {
 
+constexpr double kSmallest = 1e-8;  // metres, the longest edge of the geometry's box
+
 // The default bounds: the geometry's box, this share of its diagonal larger on every side.
 constexpr double kGrowth = 0.01;
 
@@ -137,6 +139,10 @@ Scene assemble(const fs::path& path, SceneToml toml, GltfScene gltf,
   scene.bounds = localBox(scene, bounds);
   if (!(minComponent(scene.bounds.extent()) > 0))
     throwInput("{}: the volume is too thin to be told from a plane in single precision", file);
+  if (!box.empty() && maxComponent(box.extent()) < kSmallest)
+    throwInput("{}: is {:.3g} m large; below {:g} m areas of triangles are lost in single precision: "
+               "scale it up",
+               file, maxComponent(box.extent()), kSmallest);
   placeSeeds(toml, bounds, scene);
   scene.sky = std::move(toml.sky);
   scene.flip = toml.flip;

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "base/error.h"
+#include "base/interrupt.h"
 #include "base/rng.h"
 #include "shared/light.h"
 #include "trace/sampling.h"
@@ -49,6 +50,7 @@ void markOccupied(const Geometry& geometry, Reachability& grid) {
   const Vec3i n = grid.resolution;
   const Box3d bounds{Vec3d(grid.bounds.min), Vec3d(grid.bounds.max)};
   for (const Triangle& t : geometry.triangles) {
+    throwIfInterrupted();  // large ones touch many cells
     const std::array<Vec3d, 3> corners = {Vec3d(geometry.positions[t.vertex[0]]),
                                           Vec3d(geometry.positions[t.vertex[1]]),
                                           Vec3d(geometry.positions[t.vertex[2]])};

@@ -67,6 +67,12 @@ struct Reader {
     if (!good) throwInput("{}: '{}' must be three finite numbers", where, name);
     return v;
   }
+  // Of the truth: what the path tracer says is never negative.
+  Vec3f irradiance(const char* name) const {
+    const Vec3d v = vector(name);
+    if (!(minComponent(v) >= 0)) throwInput("{}: '{}' must not be negative", where, name);
+    return Vec3f(v);
+  }
   Vec3f unitVector(const char* name) const {
     const Vec3d v = vector(name);
     if (std::abs(length(v) - 1) > 1e-4) throwInput("{}: '{}' must have length 1", where, name);
@@ -79,6 +85,13 @@ struct Reader {
     return static_cast<int>(value);
   }
 };
+
+constexpr float kFarthest = 1e6f;  // of the bounds' diagonal: farther off rays lose the scene
+
+void checkNear(const Vec3f& position, const std::string& where, const Scene& scene) {
+  if (!isFinite(position) || !(length(position) <= kFarthest * length(scene.bounds.extent())))
+    throwInput("{}: the position is more than {:g} times the scene's size away", where, kFarthest);
+}
 
 ReceiverKind parseKind(const Reader& reader) {
   const std::string text = reader.text("kind");
@@ -97,6 +110,7 @@ Split parseSplit(const Reader& reader) {
 Receiver parseReceiver(const Reader& reader, const Scene& scene) {
   Receiver r;
   r.position = toLocal(scene, reader.vector("position"));
+  checkNear(r.position, reader.where, scene);
   r.normal = reader.unitVector("normal");
   r.view = reader.unitVector("view");
   r.area = reader.number("area");
@@ -104,8 +118,8 @@ Receiver parseReceiver(const Reader& reader, const Scene& scene) {
   r.kind = parseKind(reader);
   r.region = reader.region();
   r.split = parseSplit(reader);
-  r.a = Vec3f(reader.vector("a"));
-  r.b = Vec3f(reader.vector("b"));
+  r.a = reader.irradiance("a");
+  r.b = reader.irradiance("b");
   return r;
 }
 
@@ -160,7 +174,7 @@ Receiver parsePoint(std::string_view line, const std::string& where, const Scene
   Receiver r;
   r.position = toLocal(scene, Vec3d(v[0], v[1], v[2]));
   r.normal = Vec3f(normal / l);
-  if (!isFinite(r.position)) throwInput("{}: the position is too large", where);
+  checkNear(r.position, where, scene);
   return r;
 }
 

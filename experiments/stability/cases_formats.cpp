@@ -106,7 +106,7 @@ Measurement notStored(Workbench& bench, const CaseVariant& variant) {
 
 // Emission that is infinite or NaN, in the code's own scene: no file can hold it.
 Measurement poisonedRays(Workbench& bench, const CaseVariant& variant) {
-  int named = 0;
+  int named = 0, black = 0;
   for (const float bad :
        {std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
     SceneBuilder builder;
@@ -119,8 +119,12 @@ Measurement poisonedRays(Workbench& bench, const CaseVariant& variant) {
     } catch (const NumericalError& error) {
       if (std::string(error.what()).starts_with("resolve:")) ++named;
     }
+    const std::vector<Vec3f> texels = field->irradianceTexels();
+    if (std::ranges::all_of(texels, [](const Vec3f& t) { return t == Vec3f(0); })) ++black;
   }
-  return checked(named == 2, fmt::format("{} of 2 end with an error that names the stage", named));
+  return checked(named == 2 && black == 2,
+                 fmt::format("{} of 2 end with an error that names the stage, {} with black texels",
+                             named, black));
 }
 
 // Distances far beyond the root of fp16's largest number, 256 m.
@@ -160,7 +164,7 @@ std::vector<StabilityCase> formatCases() {
       {"formats.not_stored", "NaN, infinite and negative texels", "refused; texels unchanged",
        "G42 G43", irradianceFormats(), notStored},
       {"formats.poisoned_rays", "infinite or NaN emission",
-       "error naming the stage, nothing fed back", "P8", bothTracers(), poisonedRays},
+       "error naming the stage, texels as before it", "P8", bothTracers(), poisonedRays},
       {"formats.far_distances",
        "a room of 5 km: squares beyond fp16's 65,504",
        "distances in r_i: at most the clamp squared, 2.25; E within 2e-4",

@@ -3,9 +3,11 @@
 """Compares the cells of two results folders of `probelab run`, times aside. Exit code 1, and what
 differs, if they are not the same. Standard library only."""
 import argparse
-import json
 import pathlib
 import sys
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+from whole_output import InputError, read_object  # noqa: E402
 
 # What another run may change: times, and where the run was.
 TIMES = {"": ("speed", "provenance", "layout_build_s", "seconds"), "cell": ("seconds", "scene"),
@@ -22,7 +24,7 @@ def without_times(result):
 
 
 def cells(folder):
-    return {p.stem: without_times(json.loads(p.read_text()))
+    return {p.stem: without_times(read_object(p))
             for p in sorted((folder / "cells").glob("*.json"))}
 
 
@@ -34,11 +36,15 @@ def differing(a, b, name=""):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("first", type=pathlib.Path)
     parser.add_argument("second", type=pathlib.Path)
     options = parser.parse_args()
-    first, second = cells(options.first), cells(options.second)
+    try:
+        first, second = cells(options.first), cells(options.second)
+    except (InputError, OSError) as error:
+        print(f"compare_cells.py: {error}", file=sys.stderr)
+        return 2
     wrong = [f"{i}: only in one of the folders" for i in sorted({*first} ^ {*second})]
     for i in sorted({*first} & {*second}):
         names = differing(first[i], second[i])

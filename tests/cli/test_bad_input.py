@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bad input: one clear line that names file and element, the exit code, and nothing half-written."""
+import json
 import math
+import os
 import signal
 import subprocess
 import time
@@ -68,13 +70,28 @@ class BadScenes(CliTest):
                 self.write_toml(SCENE + f"[volume]\nmin = [0, 0, 0]\nmax = {corner}\n")
                 self.assert_refused("check", "scene.toml", words=("scene.toml", "volume"))
 
+    def test_a_scene_too_small_for_single_precision(self):
+        write_glb(self.folder / "dust.glb",
+                  positions=[[1e-10 * c for c in p] for p in ROOM_CORNERS])
+        self.assert_refused("check", "dust.glb", words=("dust.glb", "1e-08 m", "scale it up"))
+
+    def test_a_truth_below_zero(self):
+        self.run_ok("receivers", "room.glb", "-o", "r.json", "--count", 16, "--spp", 4)
+        text = (self.folder / "r.json").read_text()
+        document = json.loads(text)
+        document["receivers"][3]["a"][1] = -5
+        (self.folder / "r.json").write_text(json.dumps(document))
+        self.assert_refused("evaluate", "room.glb", "--receivers", "r.json",
+                            words=("r.json", "'a' must not be negative"))
+
     def test_no_receivers_wanted(self):
         self.assert_refused("receivers", "room.glb", "--count", "0", "-o", "r.json",
                             words=("--count", "'0'"))
 
     def test_points_that_cannot_be_read(self):
         for text, word in (("0,1,0,0,1\n", "1"), ("0,1,0,0,0,0\n", "1"),
-                           ("0,1,0,0,1,0\n0,1,x,0,1,0\n", "2"), ("", "")):
+                           ("0,1,0,0,1,0\n0,1,x,0,1,0\n", "2"), ("", ""),
+                           ("0,1,0,0,1,0\n1e30,0,0,0,1,0\n", "line 2: the position is")):
             with self.subTest(text=text):
                 (self.folder / "points.csv").write_text(text)
                 self.assert_refused("receivers", "room.glb", "--points", "points.csv",
@@ -83,6 +100,37 @@ class BadScenes(CliTest):
     def test_points_and_count_together(self):
         self.assert_refused("receivers", "room.glb", "--points", "p.csv", "--count", "5",
                             "-o", "r.json", words=("--count", "--points"))
+
+
+class Streams(CliTest):
+    """What is printed beside the result is no reason to end otherwise."""
+
+    def test_stderr_that_takes_nothing(self):
+        with open("/dev/full", "w") as full:
+            for code, words in ((2, ("nosuch",)), (1, ("info", "--device", "nosuch"))):
+                done = subprocess.run([PROGRAM, *words], cwd=self.folder, stderr=full,
+                                      stdout=subprocess.DEVNULL, check=False)
+                self.assertEqual(done.returncode, code, words)
+
+    def test_a_limit_on_files_leaves_nothing(self):
+        write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
+        before = self.files()
+        done = subprocess.run(
+            ["bash", "-c", 'ulimit -f 4; exec "$0" "$@"', PROGRAM, "reference", "room.glb", "--spp",
+             "1", "--width", "160", "--height", "90", "--quiet", "-o", "r.exr"], cwd=self.folder,
+            capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("r.exr: cannot be written", done.stderr)
+        self.assertEqual(self.files(), before)
+
+    def test_a_link_stays_one(self):
+        write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
+        (self.folder / "deep").mkdir()
+        (self.folder / "link.exr").symlink_to("deep/r.exr")
+        self.run_ok("reference", "room.glb", "--spp", "1", "--width", "4", "--height", "4", "-o",
+                    "link.exr")
+        self.assertTrue((self.folder / "link.exr").is_symlink())
+        self.assertTrue((self.folder / "deep/r.exr").is_file())
 
 
 class BadOutputs(CliTest):
@@ -128,6 +176,25 @@ class Interrupts(CliTest):
                 self.assertEqual(self.files(), ["room.glb"])
 
 
+    def ends_at_once(self, *words):
+        process = subprocess.Popen([PROGRAM, *words], cwd=self.folder, stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, text=True)
+        time.sleep(1)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 130, err)
+
+    def test_waiting_for_a_pipe(self):
+        os.mkfifo(self.folder / "pipe.gltf")
+        self.ends_at_once("check", "pipe.gltf")
+
+    def test_making_many_receivers(self):
+        write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
+        self.ends_at_once("receivers", "room.glb", "--count", "16000000", "-o", "r.json")
+        self.assert_refused("receivers", "room.glb", "--count", "2000000000", "-o", "r.json",
+                            words=("--count",))
+
+
 class NoDevice(CliTest):
     # The loader's own settings: no driver but a file that is not there.
     ENVIRONMENT = {"VK_ICD_FILENAMES": "/nonexistent/icd.json",
@@ -143,6 +210,12 @@ class NoDevice(CliTest):
     def test_commands_on_the_host_need_no_device(self):
         write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
         self.run_ok("check", "room.glb", env=self.ENVIRONMENT)
+
+    def test_a_number_is_an_index_and_no_part_of_a_name(self):
+        for number in ("5", "99"):
+            result = self.run_program("info", "--device", number)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn(f"no Vulkan device matches '{number}'", result.stderr)
 
     def test_unknown_device(self):
         result = self.run_program("info", "--device", "no such device")

@@ -145,6 +145,14 @@ class BadImages(CliTest):
         self.assert_refused("compare", "a.exr", "a.exr", "-o", "no/error.png",
                             words=("no", "does not exist"))
 
+    def test_two_outputs_at_one_place(self):
+        self.assert_refused("compare", "a.exr", "a.exr", "-o", "z.png", "--picture", "./z.png",
+                            words=("z.png", "both"))
+
+    def test_exposures_that_show_nothing(self):
+        self.assert_refused("compare", "a.exr", "a.exr", "--flip-start", "999", "--flip-stop",
+                            "1000", words=("999", "64 stops"))
+
     def test_output_of_the_wrong_kind(self):
         self.assert_refused("compare", "a.exr", "a.exr", "-o", "error.jpg", words=(".png",))
 

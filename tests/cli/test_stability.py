@@ -74,6 +74,20 @@ class OwnScene(CliTest):
         for name in ("translate", "scale_up", "scale_down"):
             self.assertLess(abs(rows["scene." + name]["change"]), 0.01 * result["nrmse"])
         self.assertIn("can be trusted", result["trusted"])
+        # Which receivers are looked at counts too: another seed's nrmse differs by less.
+        self.assertGreaterEqual(result["spread"], result["sampling"])
+        other = self.run_json("stability", SOURCE / "scenes/cornell/scene.toml", "--probes", 27,
+                              "--count", 128, "--rel-error", 0.2, "--rays", 32, "--updates", 4,
+                              "--tracer", "embree", "--seed", 2, "--case", "scene.seeds")
+        self.assertLess(abs(other["nrmse"] - result["nrmse"]),
+                        2 * max(other["spread"], result["spread"]))
+
+    def test_an_error_below_the_truths_noise_has_no_digits(self):
+        result = self.run_json("stability", SOURCE / "scenes/furnace/scene.toml", "--probes", 8,
+                               "--count", 64, "--rel-error", 0.2, "--rays", 64, "--updates", 4,
+                               "--tracer", "embree", "--case", "scene.repeat")
+        self.assertEqual(result["digits"], 0)
+        self.assertIn("truth's own noise", result["trusted"])
 
 
 class Curves(CliTest):

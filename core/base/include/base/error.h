@@ -8,6 +8,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 
 namespace probelab {
@@ -50,6 +51,9 @@ class Interrupted : public Error {
 // `text` of a file for a message: control characters become '?', and what is beyond `limit` bytes is
 // cut off.
 std::string printable(const std::string& text, std::size_t limit = 200);
+
+// On stderr. One that is closed or full is no reason to lose a result, so nothing is thrown.
+void printToStderr(std::string_view text);
 
 [[noreturn]] void checkFailed(const char* expression, const char* file, int line,
                               const std::string& detail);

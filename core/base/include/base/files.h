@@ -25,7 +25,8 @@ std::string readTextFile(const std::filesystem::path& path);
 // The same without the UTF-8 byte order mark that spreadsheets put first.
 std::string readCsvFile(const std::filesystem::path& path);
 
-// Writes through `write(temporary path)` and renames. The folder must exist (checkWritable).
+// Writes through `write(temporary path)` and renames; a link stays, and its target is written. The
+// folder must exist (checkWritable).
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path&)>& write);
 void writeTextFile(const std::filesystem::path& path, std::string_view text);
