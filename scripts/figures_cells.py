@@ -14,6 +14,7 @@ from whole_output import InputError
 STUDIES = pathlib.Path(__file__).resolve().parent.parent / "experiments" / "studies"
 EVERYWHERE = ("scene", "state", "seed")  # axes that every study has
 TUNED_STATES = "train"  # the state of `tune` where none is named: all that are not held out
+KINDS = {str: "text", list: "list", dict: "table"}
 
 
 def member(table, name, kind):
@@ -22,9 +23,6 @@ def member(table, name, kind):
     if not isinstance(found, kind):
         raise TypeError(f"it has no {KINDS[kind]} '{name}'")
     return found
-
-
-KINDS = {str: "text", list: "list", dict: "table"}
 
 
 def settings_of(options):
@@ -122,6 +120,13 @@ def count(number, noun):
     return f"{number} {noun}" + "s" * (number != 1)
 
 
+def is_number(text):
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
 def ordered(values):
     found = list(dict.fromkeys(values))
     try:
@@ -171,12 +176,14 @@ def follows(cells, axis, name):
 def set_by_axes(cells, listed, names):
     """Those of these options that an axis sets, as the cells show it: they differ within one run,
     whose other options are the same for all of its cells, or have one value for every value of an
-    axis. An axis whose values are those of another option sets that one alone."""
+    axis. But an axis whose values are an option's numbers (of probes, say) is taken to set that
+    one alone: sizes of a study that share no value of it would look the same."""
     one_run = [cell.settings for cell in cells if cell.id in listed]
     found = {name for name in names if len({of.get(name) for of in one_run}) > 1}
     for axis in (a for a in cells[0].axes if a not in EVERYWHERE):
         plain = {name for name in names
-                 if all(cell.settings.get(name) == cell.axes[axis] for cell in cells)}
+                 if all(cell.settings.get(name) == cell.axes[axis] and is_number(cell.axes[axis])
+                        for cell in cells)}
         found |= plain or {name for name in names if follows(cells, axis, name)}
     return found
 

@@ -267,14 +267,16 @@ void ProbeField::update(uint64_t rotation, const BlendMode& irradiance, const Bl
     updateProbes(*reduced_, full_count_, reduced_count_, irradiance, moments);
   }
   recorder_.flush();
+  const uint32_t known = counters_.non_finite_rays;
+  readCounters();
+  // Before the copies change places, so that the field stays as it was and nothing is fed back.
+  if (counters_.non_finite_rays > known)
+    throw NumericalError(fmt::format(
+        "resolve: {} probe rays carry a NaN or infinite radiance; check lights and emission",
+        counters_.non_finite_rays - known));
   current_ = 1 - current_;
   ++updates_;
   if (stats_.pipeline) measureProbes();
-  readCounters();
-  if (counters_.non_finite_rays > 0)
-    throw NumericalError(fmt::format(
-        "resolve: {} probe rays carry a NaN or infinite radiance; check lights and emission",
-        counters_.non_finite_rays));
   update_stages_ = recorder_.milliseconds();
   update_wall_ms_ = timer.milliseconds();
 }

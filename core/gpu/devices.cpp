@@ -230,8 +230,10 @@ std::size_t chooseDevice(std::span<const DeviceInfo> devices, const std::string&
   if (devices.empty()) throwNoDevice();
   if (wanted.empty()) return bestDevice(devices);
   std::size_t found = indexOf(devices, wanted);
-  // A number is an index and nothing else, though names hold numbers too.
-  const bool number = std::ranges::all_of(wanted, [](unsigned char c) { return std::isdigit(c); });
+  // One or two digits are an index and nothing else; more are a model, as in "4090".
+  const bool number =
+      wanted.size() <= 2 &&
+      std::ranges::all_of(wanted, [](unsigned char c) { return std::isdigit(c) != 0; });
   if (found == devices.size() && !number) {
     for (std::size_t i = 0; i < devices.size(); ++i) {
       if (lower(devices[i].name).find(lower(wanted)) == std::string::npos) continue;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "cases.h"
 #include "ddgi/directions.h"
@@ -186,7 +187,8 @@ Measurement tooMany(Workbench&, const CaseVariant&) {
   layout.strategy = "lattice";
   layout.lattice = {Vec3f(0), Vec3f(1), Vec3i(128, 128, 128)};
   layout.positions.resize(1u << 21);
-  layout.probe_of_point.resize(1u << 21, 0);
+  layout.probe_of_point.resize(1u << 21);
+  std::iota(layout.probe_of_point.begin(), layout.probe_of_point.end(), 0);
   layout.bounds = {Vec3f(0), Vec3f(127)};
   layout.bias_length_m = layout.support_radius_m = 1;
   Params params = exactParams("rtxgi");

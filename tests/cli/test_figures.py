@@ -11,6 +11,7 @@ import sys
 from support import PROGRAM, SOURCE, CliTest
 
 sys.path.insert(0, str(SOURCE / "scripts"))
+import figures_captions  # noqa: E402
 import figures_cells  # noqa: E402
 import figures_points  # noqa: E402
 import figures_tables  # noqa: E402
@@ -250,6 +251,112 @@ class Numbers(FiguresTest):
                     self.assertEqual(dict(axes), one["axes"], (name, size))
 
 
+def sized(probes, layout="grid", version="1.2.3", **options):
+    """A cell of error against N whose layout an axis sets, with these options of its study."""
+    options = {"probes": probes, "strategy": layout, "count": 64, **options}
+    return cell("mine", probes=probes, layout=layout,
+                options={name: [str(value)] for name, value in options.items()},
+                result=errors(0.1, probes={"stored": probes}, version=version))
+
+
+class Kinds(FiguresTest):
+    """Which cells of a study without a file in experiments/studies can be compared."""
+
+    def kept(self, cells, listed=()):
+        folder = self.write(cells, f"results{len(self.files())}")
+        ids = "".join(f"{i:016x}\n" for i in listed)
+        (folder / "mine.csv").write_text("id\n" + ids)
+        study, = figures_cells.load_folder(folder)[0]
+        return sorted((int(c.axes["probes"]), c.axes["layout"],
+                       *c.result["cell"]["options"]["count"])
+                      for c in study.cells), study.left_out
+
+    def test_an_option_of_a_size_makes_another_kind(self):
+        cells = [sized(8), sized(16), sized(32), sized(8, count=512)]
+        for last in ([3], [0, 1, 2], []):  # whichever was run last
+            kept, left_out = self.kept(cells, last)
+            self.assertEqual(kept, [(n, "grid", "64") for n in (8, 16, 32)])
+            self.assertEqual(left_out, ["1 cell with another count left out"])
+
+    def test_the_kind_that_was_run_last_where_both_are_as_common(self):
+        cells = [sized(8), sized(16), sized(8, count=512), sized(16, count=512)]
+        for last, count in (([0, 1], "64"), ([2, 3], "512")):
+            self.assertEqual(self.kept(cells, last)[0], [(8, "grid", count), (16, "grid", count)])
+
+    def test_sizes_that_share_no_cell_do_not_mix(self):
+        kept, left_out = self.kept([sized(8), sized(16), sized(32, count=512)])
+        self.assertEqual(kept, [(8, "grid", "64"), (16, "grid", "64")])
+        self.assertEqual(left_out, ["1 cell with another count left out"])
+
+    def test_options_that_only_a_size_sets(self):
+        cells = [sized(8), sized(16), sized(8, spp=4, set="hysteresis=0.5")]
+        self.assertEqual(self.kept(cells)[1],
+                         ["1 cell with another set hysteresis or spp left out"])
+        cells = [cell("bias_map", command="tune", scene=s, options={"probes": ["64"], **o})
+                 for s, o in (("a", {}), ("b", {}), ("a", {"rounds": ["1"]}))]
+        study = figures_cells.load_folder(self.write(cells, "shipped"))[0][0]
+        self.assertEqual((len(study.cells), study.left_out),
+                         (2, ["1 cell with another rounds left out"]))
+
+    def test_what_an_axis_sets_is_no_other_kind(self):
+        cells = [sized(n, layout, count=c) for n in (8, 16)
+                 for layout, c in (("grid", 64), ("sparse", 512))]
+        self.assertEqual(self.kept(cells)[1], [])
+        # What an axis of numbers, which is named as the option is, sets beside it shows in a run.
+        cells = [sized(8), sized(16, count=512)]
+        self.assertEqual(self.kept(cells, [0, 1]), ([(8, "grid", "64"), (16, "grid", "512")], []))
+
+    def test_a_file_is_the_same_from_wherever_the_study_was_started(self):
+        cells = [sized(8, params="tuned.toml"), sized(16, params="/home/me/tuned.toml")]
+        self.assertEqual(self.kept(cells)[1], [])
+
+    def test_what_differs_is_said(self):
+        cells = [sized(8), sized(8, version="1.2.4")]
+        self.assertEqual(self.kept(cells, [1])[1],
+                         ["1 cell of the same axes but another version left out"])
+        cells[1]["device"] = "another device"
+        self.assertEqual(self.kept(cells, [1])[1],
+                         ["1 cell of the same axes but another version or device left out"])
+        self.assertEqual(self.kept([sized(8), sized(8)], [1])[1],
+                         ["1 cell of the same axes but another input file left out"])
+
+    def test_cells_from_before_an_axis_was_added(self):
+        cells = [sized(8), sized(16), sized(32)]
+        del cells[2]["cell"]["axes"]["layout"]
+        self.assertEqual(self.kept(cells)[1], ["1 cell with other axes left out"])
+
+    def test_scene_and_state_are_one_axis(self):
+        cells = [cell("mine", scene=scene, state=state, probes=n, layout="grid",
+                      result=errors(0.1, probes={"stored": n}))
+                 for scene, state in (("room", "day"), ("hall", "lamp"), ("hall", "sky"))
+                 for n in (8, 16)]
+        for of, says in ((cells, "6 of 6 cells"), (cells[1:], "5 of 6 cells")):
+            study = figures_cells.load_folder(self.write(of, str(len(of))))[0][0]
+            self.assertIn(says, figures_cells.completeness(study))
+
+
+class Tuned(FiguresTest):
+    def test_captions_say_probes_and_receivers(self):
+        cells = every_study()["layout_tuning"]
+        for one, stored in zip(cells, range(22, 30), strict=True):
+            for name in ("probes", "layout", "receivers"):
+                one.pop(name)
+            one["scenes"] = [{"receivers": 1024, "probes": {"stored": stored},
+                              "layout": {"asked": 32}}]
+        study = self.study(cells)
+        caption = figures_captions.caption("layout_tuning", "", study,
+                                           figures_tables.tables_layout_tuning(study), 0)
+        for words in ("N: 32 probes asked for, 22 to 29 stored", "receivers a scene: 1,024;"):
+            self.assertIn(words, caption)
+
+    def test_the_state_is_all_that_was_tuned_on(self):
+        older = cell("mine", command="tune", layout="grid", state="day")
+        named = cell("mine", command="tune", layout="sparse", state="night",
+                     options={"state": ["night"]})
+        study = self.study([older, named])
+        self.assertEqual(sorted(c.state for c in study.cells), ["night", "train"])
+
+
 class Files(FiguresTest):
     def test_table_and_caption_say_what_the_cells_do(self):
         results = self.write(count_cells() + count_cells("poisson"))
@@ -288,6 +395,79 @@ class Files(FiguresTest):
             self.assertIn(words, caption)
         damaged.write_text('{"no": "cell"}')
         self.assertIn(str(damaged), self.figures(results).stderr)
+
+    def break_cell(self, results, change):
+        """Damages the first cell; the figures' stderr and the caption of by_count."""
+        path = results / "cells" / f"{0:016x}.json"
+        whole = path.read_text()
+        result = json.loads(whole)
+        change(result)
+        path.write_text(json.dumps(result))
+        run = self.figures(results)
+        path.write_text(whole)
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)
+        self.assertIn(f"{path}: not a", run.stderr)
+        return run.stderr, (results / "figures/by_count.txt").read_text()
+
+    def test_one_damaged_cell_is_left_out(self):
+        results = self.write(count_cells())
+        for change, says in ((lambda r: r["cell"].update(study=5), "no text 'study'"),
+                             (lambda r: r["cell"].update(study="../x"), "no file's name"),
+                             (lambda r: r["cell"].update(options=3), "no table 'options'"),
+                             (lambda r: r["cell"].update(options={"rays": 3}), "no list 'rays'"),
+                             (lambda r: r.update(probes=None), "no number 'probes.stored'"),
+                             (lambda r: r["error"].update(nrmse=None), "no number 'error.nrmse'")):
+            stderr, caption = self.break_cell(results, change)
+            self.assertIn(says, stderr)
+            for words in ("7 of 8 cells", "1 damaged cell left out"):
+                self.assertIn(words, caption)
+
+    def test_a_damaged_tuning_is_left_out(self):
+        cells = every_study()["layout_tuning"]
+        cells[0]["scores"][0]["settings"][1]["heldout"] = None
+        results = self.write(cells)
+        run = self.figures(results)
+        self.assertEqual((run.returncode, len(run.stderr.splitlines())), (1, 1), run.stderr)
+        self.assertIn(f"{0:016x}.json: not a whole result", run.stderr)
+        self.assertIn("1 damaged cell left out",
+                      (results / "figures/layout_tuning.txt").read_text())
+        results = self.write(every_study()["bias_map"], "maps")
+        for i in range(4):
+            report = results / "files" / f"{i:016x}" / "report"
+            report.mkdir(parents=True)
+            (report / "bias_map.csv").write_text(BIAS_MAP[:-9] if i == 0 else BIAS_MAP)
+        run = self.figures(results)
+        self.assertEqual((run.returncode, len(run.stderr.splitlines())), (1, 1), run.stderr)
+        self.assertIn(f"{0:016x}.json: not a whole result", run.stderr)
+
+    def test_a_scene_without_light_is_named(self):
+        dark = [cell("by_count", scene="dark", state="off", probes=n, layout="grid", seed=s,
+                     result=errors(None, light=None, shadow=None, probes={"stored": n}))
+                for n in (128, 512) for s in (1, 2)]
+        results = self.write(count_cells() + dark)
+        run = self.figures(results)
+        says = "dark (off) left out for lack of a number"
+        self.assertEqual(run.returncode, 0)
+        self.assertEqual(run.stderr, f"figures.py: {results}: by_count: {says}\n")
+        caption = (results / "figures/by_count.txt").read_text()
+        for words in ("12 of 12 cells", "scenes (states): room (day, night);", says):
+            self.assertIn(words, caption)
+
+    def test_folders_without_cells_among_others(self):
+        results, empty = self.write(count_cells()), self.folder / "cache"
+        empty.mkdir()
+        run = self.figures(empty, results, "-o", self.folder / "out", "--only", "error_vs_n")
+        self.assertEqual((run.returncode, run.stderr),
+                         (0, f"figures.py: {empty}: no cells; left out\n"))
+        self.assertIn("by_count.pdf", run.stdout)
+        other = self.folder / "other"
+        other.mkdir()
+        for folders, says in (((empty, other), f"{empty}, {other}: no cells in any of them"),
+                              ((results, self.folder / "typo"), "typo: no such folder")):
+            run = self.figures(*folders)
+            self.assertEqual((run.returncode, run.stdout, len(run.stderr.splitlines())), (2, "", 1))
+            self.assertIn(says, run.stderr)
 
     def test_cells_of_another_size_are_left_out(self):
         axes = {"format": "rgba16f", "gamma": 5, "rounding": "nearest"}

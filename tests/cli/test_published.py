@@ -16,6 +16,10 @@ import unittest
 
 from support import PROGRAM, SOURCE, CliTest
 
+sys.path.insert(0, str(SOURCE / "scripts"))
+import figures_cells  # noqa: E402
+import published_rows  # noqa: E402
+
 PUBLISHED = SOURCE / "results/published"
 README = SOURCE / "README.md"
 # Not all that has a manifest is a study of cells: the hard-case suite and fuzzing are not.
@@ -104,6 +108,41 @@ class Readme(CliTest):
         done = self.check("".join(edited))
         self.assertEqual(done.returncode, 1)
         self.assertEqual(len(done.stderr.splitlines()), len(places), done.stderr)
+
+    def refused(self, text, *words, published=PUBLISHED):
+        done = self.check(text, published)
+        self.assertEqual((done.returncode, len(done.stderr.splitlines())), (2, 1), done.stderr)
+        for word in words:
+            self.assertIn(word, done.stderr)
+
+    def test_a_misspelt_mark_is_found(self):
+        text = README.read_text()
+        line = text[:text.index("<!-- block: overview -->")].count("\n") + 1
+        for old, new, says in (
+                ("block: overview", "blok: overview", f":{line}: '<!-- blok: overview -->'"),
+                ("<!-- block: overview -->", "<!--block: overview-->", f":{line}: "),
+                ("block: overview", "block: overvew", "no block 'overvew'"),
+                ("<!-- = pipeline.bytes.rtxgi -->", " <!-- = pipeline.bytes.rtxgi -->", "no mark"),
+                ("<!-- = pipeline.bytes.rtxgi -->", "<!-- pipeline.bytes.rtxgi -->", "no mark")):
+            self.assertEqual(text.count(old), 1)
+            self.refused(text.replace(old, new), "README.md", says)
+
+    def test_a_block_that_is_gone_is_missed(self):
+        text = README.read_text()
+        for name in re.findall(r"<!-- block: (\w+) -->", text):
+            self.refused(re.sub(rf"<!-- block: {name} -->\n.*?<!-- end -->", "", text, flags=re.S),
+                         f"block '{name}' is missing")
+
+    def test_what_is_not_there_or_damaged_is_named(self):
+        done = subprocess.run([sys.executable, "-B", SOURCE / "scripts/readme.py", "--check",
+                               "--readme", "/nonexist"], capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stderr),
+                         (2, "readme.py: /nonexist: No such file or directory\n"))
+        published = self.folder / "published"
+        shutil.copytree(PUBLISHED, published)
+        (published / "fuzz/manifest.json").write_text("[]")
+        self.refused(README.read_text(), "'fuzz' cannot be made", str(published),
+                     published=published)
 
     def test_write_puts_the_numbers_back(self):
         text = README.read_text()
@@ -238,6 +277,19 @@ class Studies(unittest.TestCase):
                 self.assertTrue(about[key], f"{folder.name}: {key}")
 
 
+class Manifest(CliTest):
+    def test_receivers_of_a_tuning(self):
+        cells = self.folder / "cells"
+        cells.mkdir()
+        (cells / "a.json").write_text(json.dumps(
+            {"scenes": [{"receivers": 256}], "cell": {
+                "id": "a", "study": "mine", "command": "tune", "options": {},
+                "axes": {"scene": "room", "state": "day"}}}))
+        study, = figures_cells.load_folder(self.folder)[0]
+        about = published_rows.manifest(study, "smoke", "", "")
+        self.assertEqual(about["receivers"], [256])
+
+
 class Publish(CliTest):
     def publish(self, *options):
         return subprocess.run(
@@ -249,6 +301,23 @@ class Publish(CliTest):
         return subprocess.run(
             [sys.executable, "-B", SOURCE / "scripts/workflow/compare_cells.py",
              self.folder / "runs/formats", other], capture_output=True, text=True)
+
+    def test_what_a_size_does_not_have_is_refused(self):
+        for size, name, sizes in (("smoke", "overview", "quick or published"),
+                                  ("quick", "pipeline", "published"),
+                                  ("smoke", "images", "quick or published")):
+            done = self.publish("--size", size, "--only", name)
+            self.assertEqual((done.returncode, done.stdout), (2, ""))
+            self.assertEqual(done.stderr, f"publish: --only {name}: there is nothing of size "
+                                          f"{size}; --size {sizes} has it\n")
+
+    def test_a_program_that_is_another_is_refused(self):
+        for program, says in (("/bin/true", "printed no list of cells"),
+                              ("/bin/false", "exit code 1"), ("/etc", "Permission denied")):
+            done = self.publish("--list", "--program", program)
+            self.assertEqual((done.returncode, done.stdout), (2, ""))
+            self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+            self.assertIn(says, done.stderr)
 
     def test_from_cells_to_rows_and_figure(self):
         listed = self.publish("--list")

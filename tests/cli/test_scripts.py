@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""scripts/setup says what it would do; scripts/count_tests.py counts what ctest wrote;
-scripts/pipeline.py runs a study and keeps what is done."""
+"""What all scripts have in common; scripts/setup says what it would do; scripts/count_tests.py
+counts what ctest wrote; scripts/pipeline.py runs a study and keeps what is done."""
 import csv
 import json
 import os
@@ -13,6 +13,7 @@ import unittest
 from support import CliTest, PROGRAM
 
 SCRIPTS = pathlib.Path(__file__).resolve().parents[2] / "scripts"
+PYTHON = "/usr/bin/python3"  # the distribution's: scripts/setup installs its matplotlib
 sys.path.insert(0, str(SCRIPTS))
 import pipeline_report  # noqa: E402
 
@@ -20,6 +21,76 @@ import pipeline_report  # noqa: E402
 def read_csv(path):
     with open(path, newline="") as file:
         return list(csv.DictReader(file))
+
+
+def is_script(path):
+    return path.is_file() and path.read_bytes()[:2] == b"#!"
+
+
+class AllScripts(CliTest):
+    SCRIPTS = sorted(p for p in SCRIPTS.rglob("*") if is_script(p))
+    # Nothing is left beside the scripts.
+    ENVIRONMENT = dict(os.environ, PYTHONDONTWRITEBYTECODE="1", COLUMNS="100")
+
+    def test_all_can_be_called_by_their_name(self):
+        self.assertGreater(len(self.SCRIPTS), 15)
+        for path in self.SCRIPTS:
+            self.assertTrue(os.access(path, os.X_OK), f"{path}: chmod +x")
+
+    def test_help_is_whole(self):
+        for path in self.SCRIPTS:
+            with self.subTest(script=path.name):
+                done = subprocess.run([path, "--help"], capture_output=True, text=True,
+                                      env=self.ENVIRONMENT)
+                self.assertEqual((done.returncode, done.stderr), (0, ""))
+                paragraphs = done.stdout.strip().split("\n\n")
+                self.assertTrue(paragraphs[0].lower().startswith("usage:"), paragraphs[0])
+                self.assertRegex(paragraphs[1], r"[.:]$|  ")  # a sentence's end, or options
+
+    def one_line(self, *command, words=(), python=sys.executable, path=""):
+        """A refusal: one line and exit code 2."""
+        done = subprocess.run([python, *map(str, command)], capture_output=True, text=True,
+                              cwd=self.folder, env=dict(self.ENVIRONMENT, PYTHONPATH=path))
+        self.assertEqual((done.returncode, done.stdout), (2, ""), done.stderr)
+        self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+        for word in words:
+            self.assertIn(word, done.stderr)
+
+    def test_results_that_are_none(self):
+        (self.folder / "list.json").write_text("[]")
+        (self.folder / "other.json").write_text('{"cases": 5}')
+        for file, says in (("none.json", "No such file"), ("list.json", "no JSON object"),
+                           ("other.json", "it lacks 'cases'")):
+            self.one_line(SCRIPTS / "stability.py", "--rows", file, "-o", "out",
+                          words=("stability: ", file, says))
+        self.assertFalse((self.folder / "out").exists())
+
+    def test_a_program_that_is_another(self):
+        self.one_line(SCRIPTS / "stability.py", "--program", "/bin/true", "-o", "out",
+                      words=("stability: /bin/true", "no JSON"))
+        self.one_line(SCRIPTS / "visibility_images.py", "--program", "/bin/true", "-o", "out",
+                      "--runs", "out", python=PYTHON,
+                      words=("visibility_images.py: ", "true info: no JSON"))
+
+    def test_cells_that_are_none_cannot_be_compared(self):
+        cells = self.folder / "results/cells"
+        cells.mkdir(parents=True)
+        (cells / "a.json").write_text("{")
+        self.one_line(SCRIPTS / "workflow/compare_cells.py", "results", "results",
+                      words=("results/cells/a.json", "no JSON"))
+
+    def test_a_python_without_matplotlib(self):
+        (self.folder / "matplotlib.py").write_text("raise ImportError('none here')\n")
+        (self.folder / "results/cells").mkdir(parents=True)
+        (self.folder / "results/cells/a.json").write_text(json.dumps(
+            {"error": {"nrmse": 0.1}, "probes": {"stored": 8}, "cell": {
+                "id": "a", "study": "mine", "command": "evaluate", "options": {},
+                "axes": {"scene": "room", "probes": "8", "layout": "grid"}}}))
+        for script, *options in (("figures.py", "results"), ("tuning_figure.py", "results"),
+                                 ("precision.py", "--rows", "results/cells/a.json"),
+                                 ("visibility_images.py", "--program", "/bin/true", "-o", "out")):
+            self.one_line(SCRIPTS / script, *options, path=str(self.folder),
+                          words=("none here", "/usr/bin/python3", "python3-matplotlib"))
 
 
 CASES = {

@@ -8,7 +8,7 @@ import subprocess
 import tomllib
 import unittest
 
-from support import PROGRAM, ROOM_TRIANGLES, CliTest, write_glb
+from support import PROGRAM, ROOM_TRIANGLES, SOURCE, CliTest, write_glb
 
 # Nothing here is about accuracy.
 FIELD = ("--rays", 32, "--updates", 2, "--tracer", "embree", "--probes", 27)
@@ -281,6 +281,94 @@ class Refusals(TuneTest):
         self.assertEqual(process.returncode, 130, errors)
         self.assertFalse((self.folder / "t.toml").exists())
         self.assertEqual([f for f in self.files() if "t.toml" in f], [])
+
+
+# Draws a report; says which legends are cut or lie on a panel.
+DRAW_AND_CHECK = """
+import pathlib, sys
+sys.path.insert(0, sys.argv[1])
+import matplotlib
+matplotlib.use("Agg")
+from matplotlib import pyplot
+import tuning_figure
+save = pyplot.Figure.savefig
+def save_and_check(figure, path, **options):
+    save(figure, path, **options)
+    for legend in figure.legends:
+        box = legend.get_window_extent()
+        if box.x0 < 0 or box.x1 > figure.bbox.x1 or box.y0 < 0:
+            print(path.name, "cuts its legend")
+        if any(box.overlaps(panel.get_tightbbox()) for panel in figure.axes):
+            print(path.name, "has its legend on a panel")
+        print(path.name, *(text.get_text() for text in legend.get_texts()))
+pyplot.Figure.savefig = save_and_check
+print(*tuning_figure.draw(pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[2])))
+"""
+PRESETS = ("rtxgi", "majercik2021", "gdc2019", "classic", "/home/me/corn.toml")
+
+
+def report(presets=PRESETS):
+    """What of tune.json is drawn."""
+    error = {"nrmse": 0.2, "light_leak": 0.01, "shadow_leak": 0.02}
+    settings = [{"setting": name, "heldout": {**error, "noise_floor": error}}
+                for name in ("from", "tuned", *presets)]
+    places = [{"name": name, "normal_bias": 0.1 * i, "view_bias": 0.1 * i}
+              for i, name in enumerate(("from", "tuned", *presets))]
+    return {"from": "probelab rays=16", "scenes": [{"scene": "room/scene"}],
+            "bias_map": {"size": 2, "places": places},
+            "scores": [{"scene": "room/scene", "state": state, "lights": "train",
+                        "settings": settings} for state in ("day", "dusk", "night")]}
+
+
+class Figure(CliTest):
+    """scripts/tuning_figure.py, by the distribution's Python, which has matplotlib."""
+    PYTHON = "/usr/bin/python3"
+    MAP = ("normal_bias,view_bias,cost,nrmse,light_leak\n0,0,1,0.1,0.01\n1,0,2,0.2,0.02\n"
+           "0,1,3,0.3,0.03\n1,1,4,0.4,0.04\n")
+
+    def write(self, result, bias_map=MAP):
+        (self.folder / "tune.json").write_text(json.dumps(result))
+        (self.folder / "bias_map.csv").write_text(bias_map)
+
+    def test_legends_fit(self):
+        twins = ("a/tuned.toml", "b/tuned.toml", "a_preset_with_a_rather_long_name.toml")
+        for presets in (PRESETS[:3], PRESETS, (*PRESETS, *twins)):
+            self.write(report(presets))
+            done = subprocess.run([self.PYTHON, "-B", "-c", DRAW_AND_CHECK, SOURCE / "scripts",
+                                   self.folder], capture_output=True, text=True, timeout=300)
+            names = [n if n in twins[:2] else n.split("/")[-1] for n in presets]
+            self.assertEqual(done.stdout.splitlines(), [
+                " ".join(("bias_map.png probelab tuned", *names)),
+                " ".join(("errors.png noise floor probelab (from) tuned", *names)),
+                "bias_map.png errors.png"], done.stderr)
+
+    def refused(self, *options, words=()):
+        done = subprocess.run([self.PYTHON, "-B", SOURCE / "scripts/tuning_figure.py", self.folder,
+                               *options], capture_output=True, text=True, timeout=300)
+        self.assertEqual((done.returncode, done.stdout), (2, ""), done.stderr)
+        self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
+        for word in words:
+            self.assertIn(word, done.stderr)
+
+    def test_damaged_reports(self):
+        lacking = report()
+        lacking["scores"][0]["settings"][1]["heldout"] = None
+        lacking["bias_map"] = None
+        for result, word in (([], "no JSON object"), ({}, "'scores'"), (lacking, "TypeError")):
+            self.write(result)
+            self.refused(words=(str(self.folder / "tune.json"), word))
+        for cut in (self.MAP[:-6], self.MAP[:-15], self.MAP[:44], ""):
+            self.write(report(), cut)
+            self.refused(words=(str(self.folder / "bias_map.csv"), "again" if cut else "0 values"))
+        (self.folder / "tune.json").write_text('{"scor')
+        self.refused(words=(str(self.folder / "tune.json"), "no JSON"))
+
+    def test_folders_that_are_missing(self):
+        self.write(report())
+        missing = self.folder / "missing"
+        self.refused("-o", missing, words=(f"-o {missing}: no such folder",))
+        (self.folder / "tune.json").unlink()
+        self.refused(words=(f"{self.folder / 'tune.json'}: No such file",))
 
 
 if __name__ == "__main__":

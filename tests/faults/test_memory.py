@@ -44,7 +44,7 @@ class HostMemory(FaultTest):
         self.assertIn(True, worked)
 
     def test_request_beyond_any_memory(self):
-        result = self.run_limited("receivers", "room.glb", "--count", 2000000000, "-o", "out.json",
+        result = self.run_limited("receivers", "room.glb", "--count", 16000000, "-o", "out.json",
                                   "--cache", "cache", "--quiet", megabytes=300)
         self.assertFalse(self.outcome(result))
 

@@ -70,6 +70,8 @@ TEST(ChooseDevice, NamesTheDevicesWhenNoneOrSeveralMatch) {
   const std::string several = errorOf([&] { chooseDevice(devices, "4090"); });
   EXPECT_TRUE(contains(several, "several Vulkan devices match '4090'")) << several;
   EXPECT_TRUE(contains(several, "3: Radeon 4090 XT (discrete GPU)")) << several;
+  // A part of names, but an index that is not there.
+  EXPECT_TRUE(contains(errorOf([&] { chooseDevice(devices, "90"); }), "no Vulkan device matches"));
   const std::string none = errorOf([&] { chooseDevice(devices, "7"); });
   EXPECT_TRUE(contains(none, "no Vulkan device matches '7'")) << none;
   EXPECT_TRUE(contains(none, "0: llvmpipe (LLVM 15) (CPU), 1: Iris Xe (integrated GPU)")) << none;

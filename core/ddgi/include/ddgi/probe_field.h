@@ -68,7 +68,7 @@ class ProbeField {
   ProbeField& operator=(const ProbeField&) = delete;
 
   // One update with the directions of rotation number `rotation`. Throws NumericalError when a ray
-  // carries a NaN or Inf.
+  // carries a NaN or Inf; the texels are then those before it.
   void update(uint64_t rotation, const BlendMode& irradiance, const BlendMode& moments);
 
   // The field at points (local coordinates): rgb irradiance, and in w the sum of weights or -1
