@@ -239,10 +239,8 @@ void checkPieces(const InfluenceGrid& grid, std::size_t voxels, const std::strin
 }  // namespace
 
 Vec3f Lattice::position(int index) const {
-  const Vec3f step(static_cast<float>(index % count.x),
-                   static_cast<float>(index / count.x % count.y),
-                   static_cast<float>(index / (count.x * count.y)));
-  return first + step * spacing;
+  const Vec3i step(index % count.x, index / count.x % count.y, index / (count.x * count.y));
+  return first + Vec3f(step) * spacing;
 }
 
 Lattice makeLattice(const Box3f& box, const Vec3i& count) {

@@ -85,7 +85,8 @@ std::vector<float> supportRadii(const InfluenceGrid& grid, const VoxelPieces& pi
       radius = std::max(radius, length(componentMax(p - box.min, box.max - p)));
     }
   };
-  const auto count = static_cast<std::size_t>(voxels.x * voxels.y * voxels.z);
+  const std::size_t count = static_cast<std::size_t>(voxels.x) *
+                            static_cast<std::size_t>(voxels.y) * static_cast<std::size_t>(voxels.z);
   for (std::size_t v = 0; v < count; ++v) {
     reach(v, v);
     if (pieces.any() && pieces.plane_of_voxel[v] >= 0)

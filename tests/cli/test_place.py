@@ -113,20 +113,20 @@ class Place(PlaceTest):
 
     def test_drawn_lights(self):
         """Their errors are told one by one, are the same for the same seed, and fall with N."""
-        few = self.place("--drawn-lights", 12, probes=8)["drawn_lights"]
-        self.assertEqual(few, self.place("--drawn-lights", 12, probes=8)["drawn_lights"])
-        self.assertEqual((few["lights"], len(few["each"])), (12, 12))
+        few = self.place("--drawn-lights", 6, probes=8)["drawn_lights"]
+        self.assertEqual(few, self.place("--drawn-lights", 6, probes=8)["drawn_lights"])
+        self.assertEqual((few["lights"], len(few["each"])), (6, 6))
         self.assertEqual({light["kind"] for light in few["each"]}, {"lamp"})
-        for name, mean in (("nrmse", lambda v: math.sqrt(sum(x * x for x in v) / 12)),
-                           ("smape", lambda v: sum(v) / 12)):
+        for name, mean in (("nrmse", lambda v: math.sqrt(sum(x * x for x in v) / 6)),
+                           ("smape", lambda v: sum(v) / 6)):
             self.assertAlmostEqual(few[name], mean([light[name] for light in few["each"]]),
                                    delta=1e-6)
-        many = self.place("--drawn-lights", 12, probes=512)["drawn_lights"]
+        many = self.place("--drawn-lights", 6, probes=216)["drawn_lights"]
         self.assertGreater(min(light["nrmse"] for light in many["each"]), 0)
         self.assertLess(many["nrmse"], 0.7 * few["nrmse"])
         self.assertIsNone(self.place()["drawn_lights"])
-        text = self.run_ok("place", "room.toml", "-o", "a.json", "--drawn-lights", "12").stdout
-        self.assertRegex(text, r"drawn lights +nrmse [0-9.]+ under 12 \(least")
+        text = self.run_ok("place", "room.toml", "-o", "a.json", "--drawn-lights", "6").stdout
+        self.assertRegex(text, r"drawn lights +nrmse [0-9.]+ under 6 \(least")
 
     def test_seeds(self):
         for strategy in ("grid", "relocated", "jittered", "poisson"):

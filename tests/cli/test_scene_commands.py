@@ -90,6 +90,8 @@ class Check(CliTest):
 
     def test_every_shipped_scene(self):
         for scene in sorted((SOURCE / "scenes").glob("*/scene*.toml")):
+            if "_turned_" in scene.name:  # the same mesh
+                continue
             with self.subTest(scene=scene.parent.name + "/" + scene.name):
                 report = self.run_json("check", scene)
                 self.assertEqual(report["mesh"]["degenerate_triangles"], 0)

@@ -194,6 +194,19 @@ class SeveralScenes(TuneTest):
         self.assertNotEqual(folds[0]["values"], folds[1]["values"])
         self.assertNotEqual(alone["parameters"][0]["tuned"], result["parameters"][0]["tuned"])
 
+    def test_the_shared_solution_outlives_a_signal(self):
+        process = subprocess.Popen(
+            [PROGRAM, "tune", "room.toml", "other.toml", "-o", "t.toml", *map(str, QUICK), "--vary",
+             "view_bias", "--rounds", "1", "--leave-one-out"], cwd=self.folder,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        while not process.stderr.readline().startswith("leaving out"):
+            self.assertIsNone(process.poll())
+        process.send_signal(signal.SIGINT)
+        output, errors = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130, errors)
+        self.assertIn("view_bias", output)
+        self.assertTrue((self.folder / "t.toml").exists())
+
     def test_options_of_one_scene(self):
         for option, value in (("--receivers", "r.json"), ("--layout", "l.json"),
                               ("--fit-values", "v.json")):
