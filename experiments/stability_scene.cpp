@@ -69,8 +69,9 @@ class SceneSuite {
   }
   double nrmseOf(const std::vector<Vec3f>& estimates) const;
   std::optional<double> samplingOf(const std::vector<Vec3f>& estimates) const;
-  double distanceFromBase(const Answer& answer) const;
-  double changeOf(const Answer& answer) const;
+  double distance(const Answer& answer, const Answer& from) const;
+  double change(const Answer& answer, const Answer& from) const;
+  const char* compared() const { return resolved_ ? "nrmse" : "E, rms,"; }
   std::vector<QueryPoint> queryPoints(const SceneMap& map) const;
   ProbeLayout layoutOf(const Scene& scene, const EmbreeScene& embree, const Params& params) const;
   std::unique_ptr<ProbeField> field(const Scene& scene, const EmbreeScene& embree, const Run& run);
@@ -156,13 +157,13 @@ std::optional<double> SceneSuite::samplingOf(const std::vector<Vec3f>& estimates
   return std::max(interval->high - interval->ratio, interval->ratio - interval->low);
 }
 
-// Root of the mean squared difference from the base's answers, over that of the truth.
-double SceneSuite::distanceFromBase(const Answer& answer) const {
+// Root of the mean squared difference of two answers, over that of the truth.
+double SceneSuite::distance(const Answer& answer, const Answer& from) const {
   double difference = 0, light = 0;
   for (std::size_t i = 0; i < truth_.points.size(); ++i) {
     const Receiver& r = truth_.points[i];
-    const double e = luminance(Vec3d(answer.estimates[i])) -
-                     luminance(Vec3d(base_answer_.estimates[i]));
+    const double e =
+        luminance(Vec3d(answer.estimates[i])) - luminance(Vec3d(from.estimates[i]));
     difference += r.area * e * e;
     light += r.area * luminance(Vec3d(r.a)) * luminance(Vec3d(r.b));
   }
@@ -170,8 +171,8 @@ double SceneSuite::distanceFromBase(const Answer& answer) const {
 }
 
 // nrmse where it is resolved; below its floor it is clamped to 0 and would hide any change.
-double SceneSuite::changeOf(const Answer& answer) const {
-  return resolved_ ? answer.nrmse - base_answer_.nrmse : distanceFromBase(answer);
+double SceneSuite::change(const Answer& answer, const Answer& from) const {
+  return resolved_ ? answer.nrmse - from.nrmse : distance(answer, from);
 }
 
 // The seeds are what everything else is measured against.
@@ -184,8 +185,8 @@ void SceneSuite::measureBase() {
   for (int i = 1; i < kSeeds; ++i) {
     Run run = base();
     run.seed += static_cast<uint64_t>(i);
-    const double change = changeOf(answer(run));
-    sum += change, squares += change * change;
+    const double moved = change(answer(run), base_answer_);
+    sum += moved, squares += moved * moved;
   }
   // Of five values, the base's change is 0; of distances, the root of their mean square.
   const double mean = sum / kSeeds;
@@ -206,11 +207,10 @@ Measurement SceneSuite::judged(double change, double bound, const std::string& t
 }
 
 Measurement SceneSuite::moved(const Run& run, double more) {
-  const double change = changeOf(answer(run));
+  const double moved = change(answer(run), base_answer_);
   const double bound = std::max(4 * deviation_, 1e-6 * (resolved_ ? base_answer_.nrmse : 1));
-  return judged(change, bound,
-                fmt::format("{} {:+.2g}, 4 deviations of the seeds {:.2g}",
-                            resolved_ ? "nrmse" : "E, rms,", change, bound),
+  return judged(moved, bound,
+                fmt::format("{} {:+.2g}, 4 deviations of the seeds {:.2g}", compared(), moved, bound),
                 more);
 }
 
@@ -279,13 +279,14 @@ Measurement SceneSuite::lightOffAndOn() {
     for (int u = 0; u < kSwitched; ++u) probes.update(static_cast<uint64_t>(first + u), mode, mode);
   };
   const auto score = [&](ProbeField& probes) {
-    std::vector<Vec3f> estimates;
+    Answer answer;
     double mean = 0;
     for (const Vec4f& e : probes.query(queryPoints({}))) {
-      estimates.emplace_back(e.x, e.y, e.z);
-      mean += luminance(Vec3d(estimates.back())) / static_cast<double>(truth_.points.size());
+      answer.estimates.emplace_back(e.x, e.y, e.z);
+      mean += luminance(Vec3d(answer.estimates.back())) / static_cast<double>(truth_.points.size());
     }
-    return std::pair(nrmseOf(estimates), mean);
+    answer.nrmse = nrmseOf(answer.estimates);
+    return std::pair(answer, mean);
   };
   for (int i = 0; i < 4; ++i) update(*lit, i * kSwitched);
   const auto [before, lit_mean] = score(*lit);
@@ -294,14 +295,15 @@ Measurement SceneSuite::lightOffAndOn() {
   const double left = score(*dark).second / lit_mean;
   lit->setIrradianceTexels(dark->irradianceTexels());
   for (int i = 2; i < 4; ++i) update(*lit, i * kSwitched);
-  const double change = score(*lit).first - before;
+  const double moved = change(score(*lit).first, before);
   // Every update leaves h + (1 - h) rho of what is missing, rho the largest albedo.
   const double kept = std::pow(0.5 + 0.5 * largestAlbedo(), kSwitched);
-  const double bound = std::max(4 * deviation_, base_answer_.nrmse * kept * kept);
+  const double bound =
+      std::max(4 * deviation_, (resolved_ ? base_answer_.nrmse : 1) * kept * kept);
   const std::string text =
-      fmt::format("{:.2g} of the light left after {} dark updates (at most {:.2g}), nrmse {:+.2g}",
-                  left, kSwitched, kept, change);
-  Measurement m = judged(change, bound, text, kMoved);
+      fmt::format("{:.2g} of the light left after {} dark updates (at most {:.2g}), {} {:+.2g}",
+                  left, kSwitched, kept, compared(), moved);
+  Measurement m = judged(moved, bound, text, kMoved);
   if (!(left <= kept * 1.01 + 1e-3)) m.verdict = Verdict::fails;
   return m;
 }

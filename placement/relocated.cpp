@@ -119,11 +119,13 @@ struct Mover {
 
   std::optional<Vec3f> move(const Vec3f& from) const {
     const bool usable = isUsable(input, from);
-    if (usable && distance.clearance(from) > 0) return gainClearance(from, from);
-    std::optional<Vec3f> out = usable ? leaveSurface(from) : leaveSolid(from);
-    if (!out && usable) out = from;
-    if (!out) return std::nullopt;
-    return gainClearance(from, *out);
+    if (usable) {
+      const Vec3f p = gainClearance(from, from);
+      if (p != from || distance.clearance(from) > 0) return p;
+    }
+    const std::optional<Vec3f> out = usable ? leaveSurface(from) : leaveSolid(from);
+    if (out) return gainClearance(from, *out);
+    return usable ? std::optional(from) : std::nullopt;
   }
 };
 

@@ -125,6 +125,7 @@ ProbeLayout placeProbes(const std::string& strategy_name, const PlacementInput& 
   layout.strategy = strategy.name;
   layout.asked = input.probes;
   layout.seed = input.seed;
+  // A layout that was read back has its own weights: it says which options it took.
   if (layout.options.empty()) layout.options = complete.options;
   layout.evaluations = std::max(layout.evaluations, input.training.evaluations() - evaluations);
   layout.build_s = timer.seconds();

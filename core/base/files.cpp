@@ -152,7 +152,8 @@ void writeTextFile(const fs::path& path, std::string_view text) {
   });
 }
 
-void checkWritable(const fs::path& path) {
+void checkWritable(const fs::path& wanted) {
+  const fs::path path = targetOf(wanted);
   std::error_code ec;
   if (fs::is_directory(path, ec)) throwInput("{}: is a folder, name a file", path.string());
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");

@@ -131,6 +131,9 @@ class Streams(CliTest):
                     "link.exr")
         self.assertTrue((self.folder / "link.exr").is_symlink())
         self.assertTrue((self.folder / "deep/r.exr").is_file())
+        (self.folder / "lost.exr").symlink_to("none/r.exr")
+        self.assert_refused("reference", "room.glb", "-o", "lost.exr",
+                            words=("none", "does not exist"))
 
 
 class BadOutputs(CliTest):

@@ -85,8 +85,11 @@ class OwnScene(CliTest):
     def test_an_error_below_the_truths_noise_has_no_digits(self):
         result = self.run_json("stability", SOURCE / "scenes/furnace/scene.toml", "--probes", 8,
                                "--count", 64, "--rel-error", 0.2, "--rays", 64, "--updates", 4,
-                               "--tracer", "embree", "--case", "scene.repeat")
+                               "--tracer", "embree", "--case", "scene.translate")
         self.assertEqual(result["digits"], 0)
+        [row] = result["cases"]  # compares the fields, not a score that is clamped to 0
+        self.assertIn("E, rms, +", row["measured"])
+        self.assertGreater(row["change"], 0)
         self.assertIn("truth's own noise", result["trusted"])
 
 

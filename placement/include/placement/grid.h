@@ -13,7 +13,7 @@ Lattice gridLattice(const PlacementInput& input);
 
 // Counts n with 0.9 N <= n.x n.y n.z <= N whose cells in a box with these edges are nearest to
 // cubes, stretched along y by `vertical` (smallest spread of the logarithms of the cell's edges;
-// more probes on a tie).
+// more probes on a tie, then the shortest longest edge a probe: 2 divide the longest axis).
 Vec3i cubicCounts(const Vec3f& edges, int probes, double vertical = 1);
 
 // Up to `most` of these counts, nearest to cubes first.
