@@ -280,6 +280,16 @@ std::string formatReached(const Json& reached) {
   return text;
 }
 
+std::string formatIndex(const Json& layout) {
+  const std::string bytes = formatBytes(layout["index_bytes"].get<double>());
+  const Json& voxels = layout["voxels"];
+  if (voxels.is_null()) return bytes;
+  const auto edge = [&](int axis) { return formatNumber(voxels["edges_m"][axis].get<double>()); };
+  return fmt::format("{}, {} x {} x {} voxels of {} x {} x {} m", bytes, voxels["count"][0].dump(),
+                     voxels["count"][1].dump(), voxels["count"][2].dump(), edge(0), edge(1),
+                     edge(2));
+}
+
 void printResult(const Json& r) {
   const Json& layout = r["layout"];
   std::vector<std::pair<std::string, std::string>> fields = {
@@ -291,7 +301,7 @@ void printResult(const Json& r) {
       {"clearance", formatSpread(r["report"]["clearance_m"])},
       {"spacing", formatSpread(r["report"]["spacing_m"])},
       {"receivers reached", formatReached(r["report"]["reached"])},
-      {"index", formatBytes(layout["index_bytes"].get<double>())},
+      {"index", formatIndex(layout)},
       {"built in", formatNumber(layout["build_s"].get<double>()) + " s"},
       {"evaluations", layout["evaluations"].dump()}};
   if (!r["drawn_lights"].is_null())

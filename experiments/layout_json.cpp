@@ -12,8 +12,17 @@ Json latticeJson(const ProbeLayout& layout) {
   return {layout.lattice.count.x, layout.lattice.count.y, layout.lattice.count.z};
 }
 
+Json voxelsJson(const ProbeLayout& layout) {
+  if (layout.interpolant == Interpolant::lattice) return nullptr;
+  const Lattice& corners = layout.influence.corners;
+  const auto edge = [&](std::size_t axis) { return static_cast<double>(corners.spacing[axis]); };
+  return {{"count", {corners.count.x - 1, corners.count.y - 1, corners.count.z - 1}},
+          {"edges_m", {edge(0), edge(1), edge(2)}}};
+}
+
 Json layoutJson(const ProbeLayout& layout) {
   return {{"interpolant", interpolantName(layout.interpolant)},
+          {"voxels", voxelsJson(layout)},
           {"index_bytes", indexBytes(layout)},
           {"asked", layout.asked},
           {"seed", layout.seed},

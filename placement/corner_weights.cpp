@@ -8,6 +8,7 @@
 #include "base/interrupt.h"
 #include "base/parallel.h"
 #include "placement/barycentric.h"
+#include "placement/grid.h"
 #include "placement/nearest_probes.h"
 #include "visible_probes.h"
 
@@ -15,6 +16,7 @@ namespace probelab {
 namespace {
 
 constexpr double kMaxCorners = 2e6;
+constexpr float kBeyond = 1e-3f;  // of the free space's diagonal, from its box to the outer corners
 
 // Means of the normalised sets.
 std::vector<CornerWeight> meanWeights(const std::vector<std::vector<CornerWeight>>& sets) {
@@ -45,6 +47,13 @@ void forCorners(const Lattice& corners, const FreeSpace& space, const Fill& fill
 }
 
 }  // namespace
+
+Box3f influenceBox(const PlacementInput& input) {
+  const Box3f& bounds = input.scene.bounds;
+  const Box3f free = outerBox(input, {});
+  const Vec3f beyond(kBeyond * free.diagonal());
+  return {componentMax(free.min - beyond, bounds.min), componentMin(free.max + beyond, bounds.max)};
+}
 
 Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_spacing) {
   const Vec3d edge(box.extent());

@@ -62,9 +62,9 @@ ScatteredWeights scatteredWeights(const FreeSpace& space, const std::vector<Vec3
   const double sharpness = numberOption(input, "sharpness", 0.01, 100);
   if (interpolant == Interpolant::maxent) settings.sharpness = sharpness;
   settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
-  const Lattice& corners = result.corners =
-      influenceCorners(input.scene.bounds, space.spacing(static_cast<int>(positions.size())),
-                       numberOption(input, "cells", 0.5, 8));
+  const double spacing_m = space.spacing(static_cast<int>(positions.size()));
+  const Lattice& corners = result.corners = influenceCorners(
+      influenceBox(input), spacing_m, numberOption(input, "cells", 0.5, 8));
   CornerWeights& weights = result.weights;
   if (interpolant == Interpolant::natural)
     weights = naturalWeights(corners, positions, space, settings);

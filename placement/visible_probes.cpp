@@ -9,7 +9,8 @@ namespace probelab {
 namespace {
 
 constexpr std::size_t kMostTested = 256;
-constexpr float kMargin = 1e-4f;
+constexpr float kMargin = 1e-4f;     // of the line, left out at the probe
+constexpr float kOnSurface = 2e-6f;  // of the scene's extent: a place as near as this lies on it
 
 }  // namespace
 
@@ -17,8 +18,10 @@ bool seesPlace(const EmbreeScene& embree, const Vec3f& probe, const Vec3f& place
   const Vec3f way = place - probe;
   const float distance_m = length(way);
   if (!(distance_m > 0)) return true;
-  return !embree.occluded(
-      Ray{probe, kMargin * distance_m, way / distance_m, (1 - kMargin) * distance_m});
+  // From the place, whose distance to a wall may be anything: what is left out there does not grow
+  // with the line, or a place near a sheet would see through it.
+  return !embree.occluded(Ray{place, kOnSurface * embree.extent(), way / -distance_m,
+                              (1 - kMargin) * distance_m});
 }
 
 void visibleProbes(const NearestProbes& probes, const std::vector<Vec3f>& positions,

@@ -10,8 +10,8 @@
 
 namespace probelab {
 
-// Whether a probe sees a place, which may lie on a surface: the last 1e-4 of the way does not
-// count, nor the first, since a probe may lie as near to a wall.
+// Whether a probe sees a place, which may lie on a surface: what is nearer to the place than 2e-6 of
+// the scene's extent does not count, nor the 1e-4 of the way before the probe.
 bool seesPlace(const EmbreeScene& embree, const Vec3f& probe, const Vec3f& place);
 
 // The `count` nearest probes that the place sees, of the 256 nearest, nearest first; if it sees

@@ -198,7 +198,8 @@ ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> position
   layout.positions = std::move(positions);
   const std::vector<float> support = supportRadii(layout.influence, pieces, layout.positions, given);
   std::vector<float> bias = meanNeighbourDistances(layout.positions);
-  if (bias.size() == 1) bias[0] = maxComponent(bounds.extent());
+  if (bias.size() == 1)
+    bias[0] = maxComponent(corners.spacing * Vec3f(corners.count - Vec3i(1, 1, 1)));
   double bias_sum = 0;
   for (std::size_t i = 0; i < layout.positions.size(); ++i) {
     // A probe that counts nowhere takes its bias length.

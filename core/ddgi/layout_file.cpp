@@ -388,8 +388,7 @@ float farthestPlace(const Box3f& bounds) {
 }
 
 // What a strategy never writes though each number alone would do: probes far from the bounds or
-// away from their lattice points, voxels that leave a part of the bounds out, lengths beyond all
-// measure.
+// away from their lattice points, voxels that do not lie in the bounds, lengths beyond all measure.
 void checkPlaces(const ProbeLayout& layout, const std::string& file) {
   const float longest = kLongestLength * length(layout.bounds.extent());
   if (!(layout.bias_length_m < longest) || !(layout.support_radius_m < longest))
@@ -416,9 +415,9 @@ void checkPlaces(const ProbeLayout& layout, const std::string& file) {
   const Lattice& corners = layout.influence.corners;
   const Vec3f last = corners.position(corners.pointCount() - 1), slack = corners.spacing * kSlack;
   for (std::size_t axis = 0; axis < 3; ++axis)
-    if (!(corners.first[axis] <= layout.bounds.min[axis] + slack[axis]) ||
-        !(last[axis] >= layout.bounds.max[axis] - slack[axis]))
-      throwInput("{}: influence: its voxels do not cover the bounds", file);
+    if (!(corners.first[axis] >= layout.bounds.min[axis] - slack[axis]) ||
+        !(last[axis] <= layout.bounds.max[axis] + slack[axis]))
+      throwInput("{}: influence: its voxels do not lie within the bounds", file);
 }
 
 }  // namespace

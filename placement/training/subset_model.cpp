@@ -63,7 +63,10 @@ SubsetModel::SubsetModel(const Training::Data& data, const JudgedPoints& judged,
   values_.assign(count * kListed * states_, 0.0f);
   costs_.assign(count, 0.0);
 
-  box_ = data.scene.bounds;
+  box_ = {};
+  for (const Receiver& r : judged.points) box_.extend(r.position);
+  for (std::size_t axis = 0; axis < 3; ++axis)  // never flat
+    box_.max[axis] += 1e-3f * std::max(maxComponent(box_.extent()), data.embree.extent());
   const Vec3f edge = box_.extent();
   const float size = std::cbrt(edge.x * edge.y * edge.z / 2048.0f);
   for (std::size_t axis = 0; axis < 3; ++axis) {

@@ -94,8 +94,8 @@ class Place(PlaceTest):
         for name in ("output", "glb", "scene", "state", "strategy", "probes", "lattice", "layout",
                      "report", "params", "search", "drawn_lights", "seed", "version", "provenance"):
             self.assertIn(name, result)
-        self.assertEqual(set(result["layout"]), {"interpolant", "index_bytes", "asked", "seed",
-                                                 "options", "evaluations", "build_s"})
+        self.assertEqual(set(result["layout"]), {"interpolant", "voxels", "index_bytes", "asked",
+                                                 "seed", "options", "evaluations", "build_s"})
         self.assertEqual(set(result["report"]), {"inside_geometry", "pinned", "clearance_m",
                                                  "spacing_m", "reached"})
         self.assertEqual(set(result["report"]["reached"]), {"0", "1", "2", "4", "8"})

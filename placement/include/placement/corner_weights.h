@@ -13,6 +13,11 @@
 
 namespace probelab {
 
+// What the corner grid spans: the reachable free space alone, since places beyond it are answered by
+// the nearest voxel and a volume may be far larger; slightly more, so that the outer corners lie in
+// the walls, not on them, and never more than the bounds.
+Box3f influenceBox(const PlacementInput& input);
+
 // A corner grid over a box: cells of about spacing / cells_per_spacing, at least 3 corners an axis
 // and at most 2 M in all.
 Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_spacing = 2);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 #include "placement/barycentric.h"
@@ -62,6 +63,28 @@ TEST(InfluenceCorners, AreAboutHalfASpacingApartAndBounded) {
   const Lattice flat = influenceCorners({{0, 0, 0}, {4, 1e-4f, 4}}, 1);
   EXPECT_EQ(flat.count.y, 3);
   EXPECT_LE(influenceCorners({{0, 0, 0}, {1, 1, 1}}, 1e-5).pointCount(), 2000000);
+}
+
+TEST(InfluenceBox, IsTheRoomHoweverLargeTheVolume) {
+  Scene wide = pillarRoom();
+  wide.bounds = {Vec3f(-14), Vec3f(18)};
+  Place tight(pillarRoom()), far(std::move(wide));
+  std::array<Vec3i, 2> counts;
+  for (Place* place : {&tight, &far}) {
+    const Box3f box = influenceBox(place->input(60));
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const float end = std::array{4.0f, 3.0f, 5.0f}[axis];
+      EXPECT_NEAR(box.min[axis], -1e-3f * std::sqrt(50.0f), 1e-4f);
+      EXPECT_NEAR(box.max[axis], end + 1e-3f * std::sqrt(50.0f), 1e-4f);
+    }
+    const ProbeLayout layout = placeProbes("poisson", place->input(60));
+    counts[place == &far ? 1 : 0] = layout.influence.corners.count;
+    const Box3f& bounds = place->scene.bounds;
+    EXPECT_EQ(layout.bounds.min, bounds.min);
+    EXPECT_EQ(layout.bounds.max, bounds.max);
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    EXPECT_LE(std::abs(counts[0][axis] - counts[1][axis]), 1);
 }
 
 TEST(NearestWeights, CountOnlyProbesThatTheCornerSees) {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <tuple>
 
 #include "ddgi/influence.h"
 #include "base/error.h"
@@ -71,13 +72,20 @@ std::map<uint32_t, double> sharesAt(const InfluenceGrid& grid, const Vec3f& p) {
   return shares;
 }
 
-// Thickness of the wall and where it stands: between two voxels or within them.
-class DividedVoxels : public ::testing::TestWithParam<std::pair<float, float>> {};
+// Thickness of the wall and where its middle lies in a voxel, as a share of it: 0 between two.
+class DividedVoxels : public ::testing::TestWithParam<std::tuple<float, float>> {};
 
 // Places up to a millimetre from the wall, whatever its thickness; without pieces the other room's
 // probes have half of the weight there.
 TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
-  const auto [wall_m, middle] = GetParam();
+  const auto [wall_m, share_of_voxel] = GetParam();
+  const float middle = [&](float share) {
+    Place anywhere(dividedRooms(wall_m, 0, false));
+    const Lattice corners =
+        layoutOf(anywhere, somePlaces(FreeSpace(anywhere.input(40)), 40), "off").influence.corners;
+    const float in_the_middle = std::floor(0.5f * static_cast<float>(corners.count.x));
+    return corners.first.x + (in_the_middle + share) * corners.spacing.x;
+  }(share_of_voxel);
   Place place(dividedRooms(wall_m, middle, false));
   const PlacementInput input = place.input(40);
   const std::vector<Vec3f> positions = somePlaces(FreeSpace(input), 40);
@@ -85,7 +93,7 @@ TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
   for (const bool walls : {false, true}) {
     const ProbeLayout layout = layoutOf(place, positions, walls ? "on" : "off");
     EXPECT_EQ(layout.influence.pieces.any(), walls);
-    EXPECT_EQ(!layout.influence.pieces.planes.empty(), walls && middle != 0);
+    EXPECT_EQ(!layout.influence.pieces.planes.empty(), walls && share_of_voxel != 0);
     Rng rng(6, RngStream::test);
     for (int i = 0; i < 3000; ++i) {
       const float side = i % 2 == 0 ? -1.0f : 1.0f;
@@ -172,12 +180,12 @@ TEST(WallPieces, DamagedPlanesAreRefused) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Walls, DividedVoxels,
-                         ::testing::Values(std::pair(0.0f, 0.17f), std::pair(0.001f, 0.17f),
-                                           std::pair(0.05f, 0.17f), std::pair(0.2f, 0.17f),
-                                           std::pair(0.0f, 0.0f), std::pair(0.05f, 0.0f)),
+                         ::testing::Combine(::testing::Values(0.0f, 0.001f, 0.05f, 0.2f),
+                                            ::testing::Values(0.0f, 0.2f, 0.5f, 0.81f)),
                          [](const auto& info) {
-                           return std::to_string(static_cast<int>(1000 * info.param.first)) + "mm_" +
-                                  (info.param.second == 0 ? "between" : "within");
+                           const auto whole = [](float x) { return std::to_string(std::lround(x)); };
+                           return whole(1000 * std::get<0>(info.param)) + "mm_at_" +
+                                  whole(100 * std::get<1>(info.param));
                          });
 
 // Along lines within the free space, through the door as well: a share changes in a step by no more

@@ -61,7 +61,7 @@ ProbeLayout latticeLayout(const Lattice& lattice, const Box3f& bounds,
 
 // A layout of probes anywhere, with the influence that `corners` give them. s_i is the mean
 // distance to the 6 nearest probes (fewer where there are fewer, for a single one the longest edge
-// of the bounds), r_i the distance at which the probe's weight reaches 0.
+// of the corners' box), r_i the distance at which the probe's weight reaches 0.
 ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> positions,
                             const Box3f& bounds, const Lattice& corners, CornerWeights weights,
                             const VoxelPieces& pieces = {});
