@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kFewestProbes = 256, kRaysOfProbes = 64;
 constexpr int kFewestRays = 16, kProbesOfRays = 512, kProbesARay = 32;
-constexpr int kRounds = 7;
+constexpr int kSweepRounds = 7;
 constexpr const char* kStages[] = {"update",  "generate", "trace", "shade",
                                    "occlude", "resolve",  "blend"};
 
@@ -73,8 +73,8 @@ std::vector<SizeTimes> timeSizes(SceneSetup& setup, const Params& params,
     next.probes = next.field->states().activeCount();
     times.push_back(std::move(next));
   }
-  Progress progress("sweep", kRounds, invocation.common.quiet);
-  for (int round = 0; round < kRounds; ++round) {
+  Progress progress("sweep", kSweepRounds, invocation.common.quiet);
+  for (int round = 0; round < kSweepRounds; ++round) {
     for (SizeTimes& size : times) timeOnce(size, round);
     progress.update(round + 1);
   }

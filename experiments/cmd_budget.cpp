@@ -143,7 +143,7 @@ std::vector<BudgetRung> scoreRungs(const BudgetEstimates& estimates, const RungE
           rung(kField, field)};
 }
 
-void printResult(const Json& r) {
+void printBudget(const Json& r) {
   const Json& exact = r["exact"];
   fmt::print(
       "{}",
@@ -188,7 +188,7 @@ void runBudget(const BudgetOptions& options, const Invocation& invocation) {
   result["error"] = toJson(rungs.back().report);
   result["rungs"] = rungsJson(rungs);
   result["noise_floor"] = result["error"]["noise_floor"];
-  reportResult(invocation, result, [&] { printResult(result); });
+  reportResult(invocation, result, [&] { printBudget(result); });
 }
 
 }  // namespace

@@ -290,7 +290,7 @@ std::string formatIndex(const Json& layout) {
                      edge(2));
 }
 
-void printResult(const Json& r) {
+void printPlaced(const Json& r) {
   const Json& layout = r["layout"];
   std::vector<std::pair<std::string, std::string>> fields = {
       {"scene",
@@ -394,7 +394,7 @@ void runPlace(const PlaceOptions& options, const Invocation& invocation) {
                  {"seed", placed.layout.seed},
                  {"version", buildInfo().version},
                  {"provenance", toJson(placed.provenance)}};
-  reportResult(invocation, result, [&] { printResult(result); });
+  reportResult(invocation, result, [&] { printPlaced(result); });
   requireError(placed.search);
 }
 

@@ -54,7 +54,7 @@ Json summarize(const Truth& truth) {
           {"from_cache", truth.from_cache}};
 }
 
-void printSummary(const Json& r) {
+void printReceivers(const Json& r) {
   const auto& mean = r["mean_irradiance"];
   fmt::print(
       "{}",
@@ -85,7 +85,7 @@ void runReceivers(const ReceiversOptions& options, const Invocation& invocation)
   result["scene"] = scene.name;
   result["state"] = scene.state;
   result["provenance"] = toJson(makeProvenance(invocation, scene));
-  reportResult(invocation, result, [&] { printSummary(result); });
+  reportResult(invocation, result, [&] { printReceivers(result); });
 }
 
 }  // namespace

@@ -43,8 +43,8 @@ std::string formatFields(const std::vector<std::pair<std::string, std::string>>&
   return out;
 }
 
-std::string formatNumber(double value) {
-  return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
+std::string formatNumber(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? fmt::format("{:.4g}", *value) : "-";
 }
 
 std::string formatBytes(double bytes) {

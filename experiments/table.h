@@ -2,6 +2,7 @@
 // Plain text tables for stdout.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -24,8 +25,8 @@ class TextTable {
 // "label   value" lines with the values aligned; an empty label continues the line above.
 std::string formatFields(const std::vector<std::pair<std::string, std::string>>& fields);
 
-// 4 significant digits ("0.01234", "1.2e-08"); "-" when not finite.
-std::string formatNumber(double value);
+// 4 significant digits ("0.01234", "1.2e-08"); "-" when there is none or it is not finite.
+std::string formatNumber(const std::optional<double>& value);
 // "12.3 MiB".
 std::string formatBytes(double bytes);
 

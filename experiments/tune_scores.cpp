@@ -49,10 +49,6 @@ std::optional<GainSummary> summarize(const std::vector<PartScore>& scores, bool 
   return summary;
 }
 
-std::string cell(const std::optional<double>& value) {
-  return value ? formatNumber(*value) : std::string("-");
-}
-
 const char* lightsName(bool same) { return same ? "train" : "heldout"; }
 
 }  // namespace
@@ -202,19 +198,21 @@ std::string formatScores(const std::vector<PartScore>& scores) {
                      "shadow leak", "over tuned", "95 % interval"});
     const auto add = [&](const std::string& name, const SettingScore& s) {
       const ErrorMetrics& e = s.heldout.all;
-      table.addRow({name, cell(e.nrmse), cell(s.train.all.nrmse), cell(e.smape), cell(e.light_leak),
-                    cell(e.shadow_leak), s.gain ? fmt::format("{:.3f}", s.gain->ratio) : "",
+      table.addRow({name, formatNumber(e.nrmse), formatNumber(s.train.all.nrmse),
+                    formatNumber(e.smape), formatNumber(e.light_leak), formatNumber(e.shadow_leak),
+                    s.gain ? fmt::format("{:.3f}", s.gain->ratio) : "",
                     s.gain ? fmt::format("{:.3f} .. {:.3f}", s.gain->low, s.gain->high) : ""});
     };
     for (const SettingScore& setting : score.settings) add(setting.name, setting);
     const ErrorMetrics& floor = score.of(kTunedSetting).heldout.noise_floor;
-    table.addRow({"noise floor", cell(floor.nrmse), "", cell(floor.smape), cell(floor.light_leak),
-                  cell(floor.shadow_leak), "", ""});
+    table.addRow({"noise floor", formatNumber(floor.nrmse), "", formatNumber(floor.smape),
+                  formatNumber(floor.light_leak), formatNumber(floor.shadow_leak), "", ""});
     text += table.text();
     const std::optional<double> closed = gapClosed(score);
     text +=
         fmt::format("with traced visibility: from {}, tuned {}; share of from's gap closed: {}\n",
-                    cell(score.of(kFromSetting).exact), cell(score.of(kTunedSetting).exact),
+                    formatNumber(score.of(kFromSetting).exact),
+                    formatNumber(score.of(kTunedSetting).exact),
                     closed ? fmt::format("{:.0f} %", 100 * *closed) : "-");
   }
   return text;

@@ -35,10 +35,6 @@ ValuesScore scoreValues(ProbeField& field, const TunePart& part, const TexelValu
   return score;
 }
 
-std::string cell(const std::optional<double>& value) {
-  return value ? formatNumber(*value) : std::string("-");
-}
-
 }  // namespace
 
 FittedValues fitFieldValues(TuneFields& fields, const TuneScene& scene, const Params& params) {
@@ -76,8 +72,8 @@ std::string formatValues(const FittedValues& fitted) {
                    "before over after", "95 % interval"});
   for (const ValuesScore& s : fitted.scores)
     table.addRow({s.state + (s.fitted ? "" : ", gains of " + fitted.values.state),
-                  cell(s.train_before.all.nrmse), cell(s.train_after.all.nrmse),
-                  cell(s.heldout_before.all.nrmse), cell(s.heldout_after.all.nrmse),
+                  formatNumber(s.train_before.all.nrmse), formatNumber(s.train_after.all.nrmse),
+                  formatNumber(s.heldout_before.all.nrmse), formatNumber(s.heldout_after.all.nrmse),
                   s.gain ? fmt::format("{:.3f}", s.gain->ratio) : "-",
                   s.gain ? fmt::format("{:.3f} .. {:.3f}", s.gain->low, s.gain->high) : "-"});
   return table.text();

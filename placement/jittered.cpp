@@ -14,7 +14,7 @@ namespace probelab {
 namespace {
 
 constexpr int kTriesACell = 16;
-constexpr int kMostRefinement = 1024;
+constexpr int kMostCellsAProbe = 1024;
 constexpr int kMostCells = 1 << 22;
 
 // A place in every cell that has a usable one, by cell.
@@ -52,7 +52,7 @@ ProbeLayout placeJittered(const PlacementInput& input) {
     return fits;
   };
   const long long limit = std::max<long long>(
-      input.probes, std::min<long long>(kMostCells, 1LL * input.probes * kMostRefinement));
+      input.probes, std::min<long long>(kMostCells, 1LL * input.probes * kMostCellsAProbe));
   long long few = input.probes, many = few;
   while (tryCells(many) && many < limit) few = many, many = std::min(2 * many, limit);
   while (many - few > std::max(1LL, few / 100)) {

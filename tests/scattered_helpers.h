@@ -9,14 +9,9 @@
 
 #include "base/rng.h"
 #include "ddgi/snapshot.h"
+#include "random_unit.h"
 
 namespace probelab::test {
-
-inline Vec3f randomUnit(Rng& rng) {
-  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return Vec3f(Vec3d(s * std::cos(phi), s * std::sin(phi), z));
-}
 
 inline Vec3f randomIn(Rng& rng, const Box3f& box) {
   const Vec3f u(rng.nextFloat(), rng.nextFloat(), rng.nextFloat());

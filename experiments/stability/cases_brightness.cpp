@@ -15,10 +15,9 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-constexpr int kDecades = 13;  // 1e-6 to 1e6
+using std::numbers::pi;
 
-int formatOf(const std::string& name) { return formatParams("rtxgi", name).irradiance_format; }
+constexpr int kDecades = 13;  // 1e-6 to 1e6
 
 // Largest relative error of blue in [x, 1.05 x) after packing, over half an ulp of a normal number.
 double packedError(int format, const std::string& name, double x) {
@@ -132,7 +131,7 @@ Measurement fireflies(Workbench& bench, const CaseVariant& variant) {
     throwIfInterrupted();
     field->update(u, {}, {});
     const double e =
-        kPi * static_cast<double>(field->irradianceTexels()[static_cast<std::size_t>(texel)].y);
+        pi * static_cast<double>(field->irradianceTexels()[static_cast<std::size_t>(texel)].y);
     sum += e, squares += e * e, most = larger(most, e);
   }
   const double mean = sum / kUpdates;

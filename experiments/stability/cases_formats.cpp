@@ -16,9 +16,7 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
-int formatOf(const std::string& name) { return formatParams("rtxgi", name).irradiance_format; }
+using std::numbers::pi;
 
 Vec3f stored(int format, const Vec3f& value) {
   uint32_t words[4];
@@ -74,7 +72,7 @@ Measurement overflow(Workbench& bench, const CaseVariant& variant) {
   field->update(0, {}, {});
   // Green of r11g11b10f goes to 65024.
   const double green = variant.format == "r11g11b10f" ? 65024 : largest;
-  return both(within(worstError(field->query(furnacePoints()), kPi * green), 1e-5, "error"),
+  return both(within(worstError(field->query(furnacePoints()), pi * green), 1e-5, "error"),
               checked(field->counters().clamped_texels > 0,
                       fmt::format("{} texels counted", field->counters().clamped_texels)));
 }
@@ -139,7 +137,7 @@ Measurement farDistances(Workbench& bench, const CaseVariant& variant) {
   for (const Vec2f& m : field->momentTexels())
     largest = larger(larger(largest, static_cast<double>(m.x)), static_cast<double>(m.y));
   return both(checked(largest <= 2.25 * 1.001, fmt::format("largest moment {:.3g}", largest)),
-              within(worstError(field->query(furnacePoints(5000)), kPi / 0.5), 2e-4, "E off by"));
+              within(worstError(field->query(furnacePoints(5000)), pi / 0.5), 2e-4, "E off by"));
 }
 
 }  // namespace

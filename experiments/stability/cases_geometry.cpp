@@ -15,7 +15,8 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
+
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
@@ -208,7 +209,7 @@ Measurement openBox(Workbench& bench, const CaseVariant& variant) {
   std::vector<double> truth;
   for (const auto& [height, lowest] : {std::pair(1.0, 1.0), std::pair(0.0, 0.25)}) {
     const Vec3d corners[] = {{0, lowest, 0}, {2, lowest, 0}, {2, 2, 0}, {0, 2, 0}};
-    truth.push_back(kPi - polygonIrradiance(corners, Vec3d(1, height, 1), Vec3d(0, 1, 0)));
+    truth.push_back(pi - polygonIrradiance(corners, Vec3d(1, height, 1), Vec3d(0, 1, 0)));
   }
   return near(answersAt(bench, scene, {}, {}, points, variant, {.samples = 65536}), truth, 0);
 }
@@ -228,7 +229,7 @@ Measurement fewTriangles(Workbench& bench, const CaseVariant& variant) {
     const Box3f& b = scene.scene.bounds;
     const Measurement one = near(answersAt(bench, scene, fullLattice(b, Vec3i(2, 2, 2), b),
                                            quickParams(), points, variant, {.updates = 1}),
-                                 std::vector<double>(2, kPi * static_cast<double>(0.7f)), 1e-5);
+                                 std::vector<double>(2, pi * static_cast<double>(0.7f)), 1e-5);
     result = triangle ? both(result, one) : one;
   }
   return result;

@@ -15,9 +15,9 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
-Params quickParams() {
+Params fewRays() {
   Params params = exactParams("rtxgi");
   params.rays = 32;
   return params;
@@ -38,9 +38,9 @@ Measurement furnaceEnergy(Workbench& bench, const CaseVariant& variant) {
   const BuiltScene scene(furnace(0.5f, 1));
   if (variant.tracer == "reference")
     return near(answersAt(bench, scene, {}, {}, furnacePoints(), variant, {.samples = 16384}),
-                std::vector<double>(5, kPi / 0.5), 0);
-  const auto field = bench.field(scene, furnaceLayout(scene.scene), quickParams(), variant);
-  return within(worstError(afterAllBounces(*field), kPi / 0.5), roundingOf(0.5), "error");
+                std::vector<double>(5, pi / 0.5), 0);
+  const auto field = bench.field(scene, furnaceLayout(scene.scene), fewRays(), variant);
+  return within(worstError(afterAllBounces(*field), pi / 0.5), roundingOf(0.5), "error");
 }
 
 // L = 0.3 / (1 - 0.5) rounded to nearest at every update.
@@ -54,7 +54,7 @@ Measurement furnaceFormat(Workbench& bench, const CaseVariant& variant) {
   const double level = 0.6;
   // A step of (1 - albedo) x what is missing is lost below half an ulp; half an ulp of the answer.
   const double half = formatUlp(variant.format, 1, level) / 2 / level;
-  return within(worstError(field->query(furnacePoints()), kPi * level), half / 0.5 + half + 2e-4,
+  return within(worstError(field->query(furnacePoints()), pi * level), half / 0.5 + half + 2e-4,
                 "error");
 }
 
@@ -63,7 +63,7 @@ Measurement albedoZero(Workbench& bench, const CaseVariant& variant) {
   builder.box(Vec3f(0), Vec3f(2), builder.material(Vec3f(0)), true);
   builder.pointLight(Vec3f(1, 1.5f, 1), Vec3f(100));
   const BuiltScene scene(builder.finish());
-  return within(largestOf(answersAt(bench, scene, furnaceLayout(scene.scene), quickParams(),
+  return within(largestOf(answersAt(bench, scene, furnaceLayout(scene.scene), fewRays(),
                                     furnacePoints(), variant)
                               .e),
                 0, "largest E");
@@ -82,13 +82,13 @@ Measurement albedoNearOne(Workbench& bench, const CaseVariant& variant) {
   const std::vector<QueryPoint> point{upAt(Vec3f(1))};
   if (variant.tracer == "reference")
     return near(answersAt(bench, scene, {}, {}, point, variant, {.samples = 1024}),
-                std::vector<double>(1, kPi / (1 - r)), 0);
+                std::vector<double>(1, pi / (1 - r)), 0);
   constexpr int kUpdates = 200;
-  Params params = quickParams();
+  Params params = fewRays();
   params.encoding_gamma = 1;
   const auto field = bench.field(scene, furnaceLayout(scene.scene), params, variant);
   for (int i = 0; i < kUpdates; ++i) field->update(0, {}, {});
-  const double truth = kPi * (1 - std::pow(r, kUpdates)) / (1 - r);
+  const double truth = pi * (1 - std::pow(r, kUpdates)) / (1 - r);
   return within(worstError(field->query(point), truth), bouncesError(kUpdates),
                 "error after 200 bounces");
 }
@@ -101,11 +101,11 @@ Measurement albedoOne(Workbench& bench, const CaseVariant& variant) {
     // pi x with probability 1 / (1 + x): of 32 paths one does for x = 1 (but for 2^-32), none for
     // 1e6.
     const double e = answersAt(bench, scene, {}, {}, point, variant, {.samples = 32}).e.front();
-    const double low = 2000 * kPi / 32, high = 2000 * kPi * 1e6;
+    const double low = 2000 * pi / 32, high = 2000 * pi * 1e6;
     return checked(e >= low && e <= high,
                    fmt::format("ends, E {:.3g}, in {:.3g} to {:.1g}", e, low, high));
   }
-  Params params = quickParams();
+  Params params = fewRays();
   params.encoding_gamma = 1;
   const auto field = bench.field(scene, furnaceLayout(scene.scene), params, variant);
   const ConvergeReport report = convergeField(*field, {.average = 1, .max_burn_in = 24});
@@ -113,7 +113,7 @@ Measurement albedoOne(Workbench& bench, const CaseVariant& variant) {
   return both(
       checked(!report.settled, fmt::format("ends after {} updates, {}", n,
                                            report.settled ? "settled" : "reported as not settled")),
-      within(worstError(field->query(point), kPi * n), bouncesError(n), "E / pi n - 1:"));
+      within(worstError(field->query(point), pi * n), bouncesError(n), "E / pi n - 1:"));
 }
 
 Measurement albedoRange(Workbench& bench, const CaseVariant&) {
@@ -150,7 +150,7 @@ double firstBounce(const Vec3d& w) {
     const double d = length(lamp - hit), height = std::abs(lamp[axis] - hit[axis]);
     if (height > 0) sum += height / (d * d * d);
   }
-  return 0.5 / kPi * sum;
+  return 0.5 / pi * sum;
 }
 
 // The walls' mean of E in a room of area A: albedo / (1 - albedo) x flux / A, flux of 4 pi, 2 pi
@@ -174,7 +174,7 @@ Measurement wallsMean(Workbench& bench, const BuiltScene& scene) {
   const double n = static_cast<double>(points.size());
   double mean = 0, squares = 0;
   for (const double e : answers.e) mean += e / n, squares += e * e / n;
-  const double truth = 6.5 * kPi / 24;
+  const double truth = 6.5 * pi / 24;
   const double error = std::sqrt((squares - mean * mean) / (n - 1));
   return within(std::abs(mean - truth) / error, 5,
                 fmt::format("E {:.4g}, flux / area {:.4g}, standard errors:", mean, truth));
@@ -190,12 +190,12 @@ Measurement lampInOddPlaces(Workbench& bench, const CaseVariant& variant) {
   // stand for strata that are cut: four deviations of as many uniform shares.
   const double cut = 12 * std::acos(1.0 / 3) / std::sqrt(kProbeStratum);
   return within(probeError(bench, scene, variant, firstBounce),
-                4 * std::sqrt(cut / 12) * kProbeStratum * 2.25 * 0.5 / kPi, "first bounce off by");
+                4 * std::sqrt(cut / 12) * kProbeStratum * 2.25 * 0.5 / pi, "first bounce off by");
 }
 
 Measurement unlit(Workbench& bench, const CaseVariant& variant) {
   const BuiltScene scene(furnace(0.9f, 0));
-  return within(largestOf(answersAt(bench, scene, furnaceLayout(scene.scene), quickParams(),
+  return within(largestOf(answersAt(bench, scene, furnaceLayout(scene.scene), fewRays(),
                                     furnacePoints(), variant)
                               .e),
                 0, "largest E");
@@ -204,9 +204,9 @@ Measurement unlit(Workbench& bench, const CaseVariant& variant) {
 // The ratio of successive changes of the field is the albedo.
 Measurement feedbackGain(Workbench& bench, const CaseVariant& variant) {
   const BuiltScene scene(furnace(0.7f, 1));
-  const auto field = bench.field(scene, furnaceLayout(scene.scene), quickParams(), variant);
+  const auto field = bench.field(scene, furnaceLayout(scene.scene), fewRays(), variant);
   const ConvergeReport report = convergeField(*field, {.tolerance = 1e-3, .average = 1});
-  const double e = worstError(field->query(furnacePoints()), kPi / 0.3);
+  const double e = worstError(field->query(furnacePoints()), pi / 0.3);
   // Changes of 1e-3 of the field, known to the 1e-6 of sums in fp32, over each other.
   return both(within(std::abs(report.contraction - 0.7), 2e-3, "gain - albedo"),
               checked(e < 0.01, fmt::format("E off by {:.2g}", e)));
@@ -216,8 +216,8 @@ Measurement wallsOutsideLattice(Workbench& bench, const CaseVariant& variant) {
   const BuiltScene scene(furnace(0.6f, 1));
   const auto field = bench.field(
       scene, fullLattice({Vec3f(0.7f), Vec3f(1.3f)}, Vec3i(2, 2, 2), scene.scene.bounds),
-      quickParams(), variant);
-  return within(worstError(afterAllBounces(*field), kPi / 0.4), roundingOf(0.6), "error");
+      fewRays(), variant);
+  return within(worstError(afterAllBounces(*field), pi / 0.4), roundingOf(0.6), "error");
 }
 
 // The field fades over one s_i outside the bounds, and bounces from walls there with it.
@@ -229,10 +229,10 @@ Measurement wallsOutsideBounds(Workbench& bench, const CaseVariant& variant) {
     const BuiltScene built(std::move(scene));
     const auto field = bench.field(
         built, fullLattice({Vec3f(0.5f), Vec3f(1.5f)}, Vec3i(2, 2, 2), built.scene.bounds),
-        quickParams(), variant);
+        fewRays(), variant);
     convergeField(*field, {.average = 1});
     const std::vector<QueryPoint> middle{upAt(Vec3f(1))};
-    return worstError(field->query(middle), kPi / 0.4);
+    return worstError(field->query(middle), pi / 0.4);
   };
   const double share = breakingPoint(
       1e-3, 0.45, [&](double s) { return loss(s) <= 0.01; }, 0.1);

@@ -16,7 +16,7 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 struct LobeMoments {
   double mean = 0, square = 0;
@@ -30,7 +30,7 @@ LobeMoments planeMoments(double h, double beta, double k, double clamp) {
     // cos^k has the distribution function 1 - c^(k+1) over c.
     const double c = std::pow((i + 0.5) / kHeights, 1 / (k + 1)), s = std::sqrt(1 - c * c);
     for (int j = 0; j < kAngles; ++j) {
-      const double phi = 2 * kPi * (j + 0.5) / kAngles;
+      const double phi = 2 * pi * (j + 0.5) / kAngles;
       const double down = c * std::cos(beta) + s * std::cos(phi) * std::sin(beta);
       const double r = down > 0 ? std::min(clamp, h / down) : clamp;
       m.mean += r / (kAngles * kHeights), m.square += r * r / (kAngles * kHeights);
@@ -69,7 +69,7 @@ Measurement planeDistances(Workbench& bench, const CaseVariant& variant) {
   // A ray stands for the middle of a stratum of 4 pi / N; its mean differs by the stratum / 24
   // times the Laplacian on the sphere: 2 / c^2 of 1 / c, 6 / c^2 - 2 of 1 / c^2, c = cos 45
   // degrees. (An exponent off by one changes the mean by 8e-4, the square by 2e-3.)
-  const double stratum = 4 * kPi / params.rays / 24;
+  const double stratum = 4 * pi / params.rays / 24;
   return both(within(mean, 4 * stratum, "mean off by"),
               within(square, 10 * stratum, "square off by"));
 }
@@ -79,7 +79,7 @@ Measurement grazingWall(Workbench&, const CaseVariant&) {
   QueryParams<double> query{};
   query.chebyshev_power = 3;
   const auto seen = [&](double degrees) {
-    const double beta = degrees * kPi / 180;
+    const double beta = degrees * pi / 180;
     const LobeMoments m = planeMoments(1, beta, 50, 8);
     return visibilityWeight<double>(query, {m.mean, m.square}, 1.1 / std::cos(beta));
   };

@@ -19,7 +19,7 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 // A room with everything that the interpolants ask for.
 struct Place {
@@ -70,7 +70,7 @@ double constantError(const ProbeLayout& layout, const Params& params) {
   for (const QueryPoint& p : points) {
     if (!layout.bounds.contains(p.position)) continue;
     const double e = querySnapshot<double>(field, field.params, p).irradiance.y;
-    worst = larger(worst, std::abs(e / (kPi / 2) - 1));
+    worst = larger(worst, std::abs(e / (pi / 2) - 1));
   }
   return worst;
 }

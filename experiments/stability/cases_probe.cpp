@@ -15,7 +15,7 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 // Rooms of radiance 1 and 2 with 1 m of solid between x = 2 and 3.
 Scene solidBetween() {
@@ -45,7 +45,7 @@ Measurement insideSolid(Workbench& bench, const CaseVariant& variant) {
   for (const float x : {0.5f, 1.5f, 2.0f, 2.4f}) left.push_back(upAt(Vec3f(x, 1, 1)));
   for (const float x : {2.6f, 3.0f, 4.5f}) right.push_back(upAt(Vec3f(x, 1, 1)));
   const double worst =
-      larger(worstError(field->query(left), kPi), worstError(field->query(right), 2 * kPi));
+      larger(worstError(field->query(left), pi), worstError(field->query(right), 2 * pi));
   const uint32_t active = field->states().activeCount();
   return both(checked(active == 24, fmt::format("{} of 28 active", active)),
               within(worst, 1e-5, "error"));
@@ -86,9 +86,9 @@ Measurement onSurface(Workbench& bench, const CaseVariant& variant) {
   // A probe in a corner sees an octant, a quarter of the cosine around an axis; at least half of
   // the weight is on probes that face the normal: an eighth of pi Le, a sixteenth of pi Le / (1 -
   // 0.5).
-  return checked(least >= 2 * kPi / 16 && most <= 2 * kPi * (1 + 2e-4),
+  return checked(least >= 2 * pi / 16 && most <= 2 * pi * (1 + 2e-4),
                  fmt::format("{:.2g} to {:.4g} of the closed form, bounds 0.0625 and 1.0002",
-                             least / (2 * kPi), most / (2 * kPi)));
+                             least / (2 * pi), most / (2 * pi)));
 }
 
 Measurement besideSurface(Workbench& bench, const CaseVariant& variant) {
@@ -96,7 +96,7 @@ Measurement besideSurface(Workbench& bench, const CaseVariant& variant) {
       1 / breakingPoint(
               10, 1e12,
               [&](double inverse) {
-                return worstError(besideWalls(bench, variant, 1 / inverse), 2 * kPi) <= 2e-4;
+                return worstError(besideWalls(bench, variant, 1 / inverse), 2 * pi) <= 2e-4;
               },
               0.15);
   return limitAt(nearest,
@@ -128,7 +128,7 @@ Measurement allOccluded(Workbench& bench, const CaseVariant& variant) {
   const std::vector<QueryPoint> middle{upAt(Vec3f(0.5f))};
   const double e = static_cast<double>(field->query(middle).front().y);
   const Counters counters = field->counters();
-  const double expected = variant.format == "nearest" ? kPi : 0;
+  const double expected = variant.format == "nearest" ? pi : 0;
   return checked(std::abs(e - expected) < 1e-4 && counters.fallback_queries == 1,
                  fmt::format("E {:.4g}, {} counted", e, counters.fallback_queries));
 }
@@ -177,7 +177,7 @@ Measurement seesNothing(Workbench& bench, const CaseVariant& variant) {
   double depth = 0;
   for (const Vec2f& m : field->momentTexels())
     depth = larger(depth, std::abs(static_cast<double>(m.x) / params.distance_clamp - 1));
-  return both(within(worstError(field->query(furnacePoints(1)), kPi * static_cast<double>(0.3f)),
+  return both(within(worstError(field->query(furnacePoints(1)), pi * static_cast<double>(0.3f)),
                      1e-5, "E off by"),
               within(depth, 1e-5, "depth off the clamp by"));
 }

@@ -12,7 +12,8 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
+
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
@@ -44,7 +45,7 @@ Measurement atProbe(Workbench& bench, const CaseVariant& variant) {
   field->update(0, {}, {});
   std::vector<QueryPoint> points;
   for (const Vec3f& p : layout.positions) points.push_back(upAt(p));
-  return within(worstError(field->query(points), kPi), 1e-5, "error");
+  return within(worstError(field->query(points), pi), 1e-5, "error");
 }
 
 Measurement oddNormals(Workbench& bench, const CaseVariant&) {
@@ -106,7 +107,7 @@ Measurement outside(Workbench& bench, const CaseVariant& variant) {
   double worst = 0;
   const std::vector<Vec4f> answers = field->query(points);
   for (std::size_t i = 0; i < points.size(); ++i)
-    worst = larger(worst, std::abs(static_cast<double>(answers[i].y) / kPi - weights[i]));
+    worst = larger(worst, std::abs(static_cast<double>(answers[i].y) / pi - weights[i]));
   return within(worst, 1e-5, "error");
 }
 
@@ -190,12 +191,12 @@ Measurement corners(Workbench& bench, const CaseVariant& variant) {
     params.rays = 32;
     const auto field = bench.field(scene, furnaceLayout(scene.scene), params, variant);
     convergeField(*field, {.average = 2});
-    return within(worstError(field->query(cornerPoints(0)), kPi / 0.5), 2e-4, "error");
+    return within(worstError(field->query(cornerPoints(0)), pi / 0.5), 2e-4, "error");
   }
   const auto holds = [&](double inverse) {
     const std::vector<QueryPoint> points = cornerPoints(static_cast<float>(1 / inverse));
     return near(answersAt(bench, scene, {}, {}, points, variant, {.samples = 512}),
-                std::vector<double>(points.size(), kPi / 0.5), 0)
+                std::vector<double>(points.size(), pi / 0.5), 0)
                .verdict == Verdict::holds;
   };
   const double nearest = 1 / breakingPoint(10, 1e9, holds, 0.1);

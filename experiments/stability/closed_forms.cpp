@@ -8,6 +8,8 @@
 namespace probelab {
 namespace {
 
+using std::numbers::pi;
+
 int mantissaBits(const std::string& format, std::size_t channel) {
   if (format == "rgba32f") return 23;
   if (format == "rgba16f") return 10;
@@ -30,12 +32,12 @@ double polygonIrradiance(std::span<const Vec3d> corners, const Vec3d& point, con
 std::vector<double> irradianceOf(std::span<const Vec3d> normals,
                                  const std::function<double(const Vec3d&)>& radiance) {
   constexpr int kHeights = 512, kAngles = 1024;
-  constexpr double kCell = 4 * std::numbers::pi / (kHeights * kAngles);
+  constexpr double kCell = 4 * pi / (kHeights * kAngles);
   std::vector<double> sums(normals.size(), 0);
   for (int i = 0; i < kHeights; ++i)
     for (int j = 0; j < kAngles; ++j) {
       const double z = 2 * (i + 0.5) / kHeights - 1, s = std::sqrt(1 - z * z);
-      const double phi = 2 * std::numbers::pi * (j + 0.5) / kAngles;
+      const double phi = 2 * pi * (j + 0.5) / kAngles;
       const Vec3d w(s * std::cos(phi), s * std::sin(phi), z);
       const double flux = radiance(w) * kCell;
       for (std::size_t k = 0; k < normals.size(); ++k)

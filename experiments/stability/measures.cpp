@@ -11,7 +11,8 @@
 namespace probelab {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
+
 constexpr int kMostBounces = 5000;
 constexpr int kDitherAverage = 64;  // updates, of which one alone is noise
 
@@ -112,7 +113,7 @@ double shiftedError(Workbench& bench, const CaseVariant& variant, double metres)
   convergeField(*field, {.average = 4});
   std::vector<QueryPoint> points = furnacePoints();
   for (QueryPoint& p : points) p.position += at;
-  return worstError(field->query(points), kPi / 0.5);
+  return worstError(field->query(points), pi / 0.5);
 }
 
 Scene twoRooms(double thickness, double albedo, double spacing, double metres) {
@@ -149,7 +150,7 @@ double wallLeak(Workbench& bench, const CaseVariant& variant, const Params& para
   double sum = 0;
   for (const double e :
        answersAt(bench, scene, layout, params, points, variant, {.samples = 64, .updates = 1}).e)
-    sum += e / kPi / 200;
+    sum += e / pi / 200;
   return sum;
 }
 
@@ -167,7 +168,7 @@ double leakedShare(Workbench& bench, Params params, double dark) {
       params);
   field->update(0, {}, {});
   const std::vector<QueryPoint> point{upAt(Vec3f(3.9f, 2, 2))};
-  const double answer = static_cast<double>(field->query(point).front().y) / kPi;
+  const double answer = static_cast<double>(field->query(point).front().y) / pi;
   return (answer - dark) / (1 - dark);  // -dark: black
 }
 
@@ -195,7 +196,7 @@ double storedError(Workbench& bench, const Params& params, double x) {
   const std::vector<Vec4f> answers = field->query(points);
   double worst = 0;
   for (std::size_t i = 0; i < answers.size(); ++i)
-    worst = larger(worst, worstError(std::span(&answers[i], 1), kPi * x * kShares[i]));
+    worst = larger(worst, worstError(std::span(&answers[i], 1), pi * x * kShares[i]));
   return worst;
 }
 
@@ -217,7 +218,7 @@ double albedoError(Workbench& bench, const CaseVariant& variant, const Params& p
     field->update(0, {}, {});
     if (u < bounces) continue;
     for (const Vec4f& e : field->query(points)) sum += static_cast<double>(e.y);
-    truth += static_cast<double>(points.size()) * kPi * static_cast<double>(emission) *
+    truth += static_cast<double>(points.size()) * pi * static_cast<double>(emission) *
              (1 - std::pow(r, u)) / (1 - r);
   }
   return std::abs(sum / truth - 1);

@@ -19,6 +19,8 @@
 namespace probelab {
 namespace {
 
+using std::numbers::pi;
+
 namespace fs = std::filesystem;
 
 constexpr const char* kFormats[] = {"rgba32f", "rgba16f", "r11g11b10f", "rgb10a2"};
@@ -92,6 +94,8 @@ Params formatParams(const std::string& preset, const std::string& format) {
   return params;
 }
 
+int formatOf(const std::string& name) { return formatParams("rtxgi", name).irradiance_format; }
+
 ProbeLayout fullLattice(const Box3f& box, const Vec3i& count, const Box3f& bounds) {
   const Lattice lattice = makeLattice(box, count);
   ProbeLayout layout = latticeLayout(
@@ -124,7 +128,7 @@ std::vector<QueryPoint> furnacePoints(float size) {
 QueryPoint upAt(const Vec3f& position) { return {position, Vec3f(0, 1, 0), Vec3f(0, -1, 0)}; }
 
 Vec3f randomDirection(Rng& rng) {
-  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
+  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * pi * rng.nextDouble();
   const double s = std::sqrt(std::max(0.0, 1 - z * z));
   return Vec3f(Vec3d(s * std::cos(phi), s * std::sin(phi), z));
 }
@@ -224,7 +228,7 @@ double probeError(Workbench& bench, const BuiltScene& scene, const CaseVariant& 
   const std::vector<Vec3f> texels = field->irradianceTexels();
   double worst = 0;
   for (std::size_t t = 0; t < truth.size(); ++t)
-    worst = larger(worst, std::abs(std::numbers::pi * static_cast<double>(texels[t].y) - truth[t]));
+    worst = larger(worst, std::abs(pi * static_cast<double>(texels[t].y) - truth[t]));
   return worst;
 }
 

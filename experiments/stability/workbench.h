@@ -58,6 +58,7 @@ std::vector<CaseVariant> irradianceFormats();
 // A preset with 32-bit atlases, or with the irradiance format of that name.
 Params exactParams(const std::string& preset);
 Params formatParams(const std::string& preset, const std::string& format);
+int formatOf(const std::string& name);  // PL_FORMAT_* of irradiance
 
 // Every point of a lattice in the box is a probe.
 ProbeLayout fullLattice(const Box3f& box, const Vec3i& count, const Box3f& bounds);

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <string>
 
+#include "random_unit.h"
 #include "update_oracle.h"
 
 namespace probelab {
@@ -14,15 +15,10 @@ namespace {
 using test::boxLayout;
 using test::exactParams;
 using test::FieldScene;
+using test::randomUnit;
 using test::SceneBuilder;
 
-Vec3f randomUnit(Rng& rng) {
-  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return Vec3f(Vec3d(s * std::cos(phi), s * std::sin(phi), z));
-}
-
-std::vector<QueryPoint> randomPoints(const Box3f& box, int n, uint64_t seed) {
+std::vector<QueryPoint> pointsIn(const Box3f& box, int n, uint64_t seed) {
   Rng rng(seed, RngStream::test, 4);
   std::vector<QueryPoint> points;
   for (int i = 0; i < n; ++i) {
@@ -59,7 +55,7 @@ TEST_P(QuerySwitches, DeviceEqualsHost) {
   for (uint64_t u = 0; u < 2; ++u) field->update(u, {}, {});
   const FieldSnapshot snapshot = takeSnapshot(*field);
   const Box3f around{scene.scene.bounds.min - Vec3f(0.3f), scene.scene.bounds.max + Vec3f(0.3f)};
-  const std::vector<QueryPoint> points = randomPoints(around, 3000, 5);
+  const std::vector<QueryPoint> points = pointsIn(around, 3000, 5);
   const std::vector<Vec4f> device = field->query(points);
   const double tolerance = 1e-4 * largestAnswer(snapshot, params.encoding_gamma);
   int differing = 0;
@@ -181,7 +177,7 @@ TEST_F(Fallback, TheQueryIsThePublishedOne) {
       exactParams("rtxgi"));
   for (uint64_t u = 0; u < 2; ++u) field->update(u, {}, {});
   const PublishedQuery published(*field);
-  const std::vector<QueryPoint> points = randomPoints({Vec3f(0), Vec3f(4, 2, 2)}, 2000, 6);
+  const std::vector<QueryPoint> points = pointsIn({Vec3f(0), Vec3f(4, 2, 2)}, 2000, 6);
   const std::vector<Vec4f> device = field->query(points);
   const double largest = largestAnswer(takeSnapshot(*field), 5);
   for (std::size_t i = 0; i < points.size(); ++i)

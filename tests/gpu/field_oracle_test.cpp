@@ -12,6 +12,7 @@
 #include "ddgi/directions.h"
 #include "ddgi/snapshot.h"
 #include "field_helpers.h"
+#include "random_unit.h"
 #include "scene/load.h"
 #include "trace/path_tracer.h"
 #include "update_oracle.h"
@@ -22,6 +23,7 @@ namespace {
 using test::boxLayout;
 using test::exactParams;
 using test::FieldScene;
+using test::randomUnit;
 using test::RayValue;
 using test::SceneBuilder;
 using test::Texels;
@@ -51,18 +53,13 @@ ProbeLayout roomLayout(const Scene& scene) {
                    scene.bounds);
 }
 
-std::vector<QueryPoint> randomPoints(const Box3f& box, int n, uint64_t seed) {
+std::vector<QueryPoint> pointsAbout(const Box3f& box, int n, uint64_t seed) {
   Rng rng(seed, RngStream::test);
-  const auto unit = [&] {
-    const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
-    const double s = std::sqrt(std::max(0.0, 1 - z * z));
-    return Vec3f(Vec3d(s * std::cos(phi), s * std::sin(phi), z));
-  };
   std::vector<QueryPoint> points;
   for (int i = 0; i < n; ++i) {
     const Vec3f u(rng.nextFloat(), rng.nextFloat(), rng.nextFloat());
     const Vec3f p = box.min - Vec3f(0.3f) + u * (box.extent() + Vec3f(0.6f));
-    points.push_back({p, unit(), unit()});
+    points.push_back({p, randomUnit(rng), randomUnit(rng)});
   }
   return points;
 }
@@ -210,7 +207,7 @@ TEST_P(QueryOracle, DeviceEqualsHost) {
   const auto field = scene.field(gpu(), roomLayout(scene.scene), params);
   for (uint64_t i = 0; i < 3; ++i) field->update(i, {}, {});
   const FieldSnapshot snapshot = takeSnapshot(*field);
-  const std::vector<QueryPoint> points = randomPoints(scene.scene.bounds, 4000, 11);
+  const std::vector<QueryPoint> points = pointsAbout(scene.scene.bounds, 4000, 11);
   const std::vector<Vec4f> device = field->query(points);
   double largest_tap = 0;
   for (const Vec3f& texel : snapshot.irradiance)
@@ -273,7 +270,7 @@ TEST_F(FieldOracle, TracersAgree) {
   if (!gpu().info().ray_query) GTEST_SKIP() << "the device has no ray query";
   const FieldScene scene(roomScene());
   const ProbeLayout layout = roomLayout(scene.scene);
-  const std::vector<QueryPoint> points = randomPoints(scene.scene.bounds, 2000, 12);
+  const std::vector<QueryPoint> points = pointsAbout(scene.scene.bounds, 2000, 12);
   std::vector<Vec4f> answers[2];
   for (const int i : {0, 1}) {
     const auto field = scene.field(gpu(), layout, exactParams("rtxgi"),

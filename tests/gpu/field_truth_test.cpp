@@ -8,6 +8,7 @@
 #include "base/rng.h"
 #include "ddgi/snapshot.h"
 #include "field_helpers.h"
+#include "random_unit.h"
 
 namespace probelab {
 namespace {
@@ -15,17 +16,12 @@ namespace {
 using test::boxLayout;
 using test::exactParams;
 using test::FieldScene;
+using test::randomUnit;
 using test::SceneBuilder;
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
 class FieldTruth : public GpuTest {};
-
-Vec3f randomUnit(Rng& rng) {
-  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return Vec3f(Vec3d(s * std::cos(phi), s * std::sin(phi), z));
-}
 
 // Points on the walls of the box [0, 2]^3, normals inward, seen from the middle.
 std::vector<QueryPoint> wallPoints(int n) {

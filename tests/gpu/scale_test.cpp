@@ -54,7 +54,7 @@ std::vector<QueryPoint> points(int n) {
 }
 
 const Box3f kBox{Vec3f(0.25f, 0.25f, 0.3f), Vec3f(3.75f, 1.75f, 1.7f)};
-const Vec3i kCount(5, 3, 3);
+const Vec3i kProbes(5, 3, 3);
 
 // The field at points(), its scene and lattice scaled.
 std::vector<Vec4f> scaledAnswers(GpuContext& gpu, const std::string& preset, float scale) {
@@ -64,7 +64,7 @@ std::vector<Vec4f> scaledAnswers(GpuContext& gpu, const std::string& preset, flo
   params.rays = 128;
   params.relocation = preset == "probelab" ? 1 : 0;
   const auto field = scene.field(
-      gpu, boxLayout({kBox.min * scale, kBox.max * scale}, kCount, scene.scene.bounds), params);
+      gpu, boxLayout({kBox.min * scale, kBox.max * scale}, kProbes, scene.scene.bounds), params);
   for (uint64_t u = 0; u < 3; ++u) field->update(u, {}, {});
   std::vector<QueryPoint> at = points(500);
   for (QueryPoint& p : at) p.position = p.position * scale;
@@ -185,7 +185,7 @@ TEST_F(Invariance, MirrorsTurnsAndSeedsAgreeWithinTheNoise) {
   const Map same = [](const Vec3f& p) { return p; };
   const Map mirror = [](const Vec3f& p) { return Vec3f(-p.x, p.y, p.z); };
   const Map turn = [](const Vec3f& p) { return Vec3f(p.z, p.y, -p.x); };
-  const Estimate base = estimate(sampleMeans(gpu(), scene, kBox, kCount, same, 1));
+  const Estimate base = estimate(sampleMeans(gpu(), scene, kBox, kProbes, same, 1));
   EXPECT_LT(base.error, 0.02 * base.mean);  // or the comparison says nothing
   const auto expectSame = [&](const char* what, const std::array<double, 16>& samples) {
     const Estimate other = estimate(samples);
@@ -193,15 +193,15 @@ TEST_F(Invariance, MirrorsTurnsAndSeedsAgreeWithinTheNoise) {
     RecordProperty(what, std::to_string((other.mean - base.mean) / error));
     EXPECT_LT(std::abs(other.mean - base.mean), 4 * error) << what;
   };
-  expectSame("seed", sampleMeans(gpu(), scene, kBox, kCount, same, 2));
+  expectSame("seed", sampleMeans(gpu(), scene, kBox, kProbes, same, 2));
   expectSame("mirror", sampleMeans(gpu(), mapped(scene, mirror, 1, true),
                                    {Vec3f(-kBox.max.x, kBox.min.y, kBox.min.z),
                                     Vec3f(-kBox.min.x, kBox.max.y, kBox.max.z)},
-                                   kCount, mirror, 3));
+                                   kProbes, mirror, 3));
   expectSame("turn", sampleMeans(gpu(), mapped(scene, turn, 1, false),
                                  {Vec3f(kBox.min.z, kBox.min.y, -kBox.max.x),
                                   Vec3f(kBox.max.z, kBox.max.y, -kBox.min.x)},
-                                 Vec3i(kCount.z, kCount.y, kCount.x), turn, 4));
+                                 Vec3i(kProbes.z, kProbes.y, kProbes.x), turn, 4));
 }
 
 }  // namespace

@@ -17,14 +17,14 @@ using test::FieldScene;
 class SetTexels : public GpuMemoryModeTest {};
 INSTANTIATE_TEST_SUITE_P(Memory, SetTexels, ::testing::Bool(), memoryModeName);
 
-const Vec3i kCount(3, 2, 2);
+const Vec3i kPoints(3, 2, 2);
 
 FieldScene room() { return FieldScene(test::furnaceScene(0.5f, 1.0f)); }
 
 std::unique_ptr<ProbeField> makeField(GpuContext& gpu, const FieldScene& scene,
                                       const Params& params) {
   auto field = scene.field(
-      gpu, test::boxLayout({Vec3f(0.3f), Vec3f(1.7f)}, kCount, scene.scene.bounds), params);
+      gpu, test::boxLayout({Vec3f(0.3f), Vec3f(1.7f)}, kPoints, scene.scene.bounds), params);
   field->update(0, {}, {});
   return field;
 }

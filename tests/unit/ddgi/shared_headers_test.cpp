@@ -4,26 +4,22 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <vector>
 
 #include "base/rng.h"
+#include "random_unit.h"
 #include "shared/atlas_format.h"
 #include "shared/query.h"
 
 namespace probelab {
 namespace {
 
-Vec3d randomUnit(Rng& rng) {
-  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return {s * std::cos(phi), s * std::sin(phi), z};
-}
+using test::randomUnitDouble;
 
 TEST(Octahedral, DecodeInvertsEncode) {
   Rng rng(1, RngStream::test);
   for (int i = 0; i < 20000; ++i) {
-    const Vec3d d = randomUnit(rng);
+    const Vec3d d = randomUnitDouble(rng);
     EXPECT_LT(length(octDecode(octEncode(d)) - d), 1e-12);
     // In float: a few roundings at 2^-24 on each axis.
     const Vec3f f(d);
@@ -39,7 +35,7 @@ TEST(Octahedral, TapsStayWithinTheTileAndWeighToTheDirection) {
     for (const int n : {1, 2, 4, 6, 14}) {
       const int texels = (n + 2 * border) * (n + 2 * border);
       for (int i = 0; i < 5000; ++i) {
-        const OctTaps<double> taps = octTaps(randomUnit(rng), n, border);
+        const OctTaps<double> taps = octTaps(randomUnitDouble(rng), n, border);
         for (const int t : {taps.texel_00, taps.texel_10, taps.texel_01, taps.texel_11}) {
           EXPECT_GE(t, 0);
           EXPECT_LT(t, texels);

@@ -7,23 +7,19 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numbers>
 #include <string>
 #include <vector>
 
 #include "base/rng.h"
+#include "random_unit.h"
 #include "shared/octahedral.h"
 
 namespace probelab {
 namespace {
 
-using Function = std::function<double(const Vec3d&)>;
+using test::randomUnitDouble;
 
-Vec3d randomUnit(Rng& rng) {
-  const double z = 1 - 2 * rng.nextDouble(), phi = 2 * std::numbers::pi * rng.nextDouble();
-  const double s = std::sqrt(std::max(0.0, 1 - z * z));
-  return {s * std::cos(phi), s * std::sin(phi), z};
-}
+using Function = std::function<double(const Vec3d&)>;
 
 Eigen::VectorXd exactTexels(int n, const Function& f) {
   Eigen::VectorXd values(n * n);
@@ -44,7 +40,7 @@ double rmsError(const Eigen::VectorXd& values, int n, const Function& f) {
   constexpr int kSamples = 20000;  // the rms of a bounded error is then known to below 1 %
   double sum = 0;
   for (int i = 0; i < kSamples; ++i) {
-    const Vec3d d = randomUnit(rng);
+    const Vec3d d = randomUnitDouble(rng);
     const double error = readBilinear(values, n, d) - f(d);
     sum += error * error;
   }
@@ -53,13 +49,13 @@ double rmsError(const Eigen::VectorXd& values, int n, const Function& f) {
 
 // Irradiance / pi of the sky a (1 + b.d): 1 + 2/3 b.n for a = 1, |b| = 1.
 Function linearSky(Rng& rng) {
-  const Vec3d b = randomUnit(rng);
+  const Vec3d b = randomUnitDouble(rng);
   return [b](const Vec3d& d) { return 1 + 2.0 / 3.0 * dot(b, d); };
 }
 
 // A harmonic of degree 2 without mean: d A d with a symmetric traceless A.
 Function degreeTwo(Rng& rng) {
-  const Vec3d u = randomUnit(rng), v = randomUnit(rng);
+  const Vec3d u = randomUnitDouble(rng), v = randomUnitDouble(rng);
   const double trace = dot(u, v) / 3;
   return [u, v, trace](const Vec3d& d) { return dot(u, d) * dot(v, d) - trace; };
 }

@@ -10,7 +10,7 @@
 namespace probelab {
 namespace {
 
-constexpr double kRounding = 1e-6;
+constexpr double kImageRounding = 1e-6;
 
 std::vector<Vec3f> grey(std::initializer_list<float> values) {
   std::vector<Vec3f> pixels;
@@ -20,27 +20,27 @@ std::vector<Vec3f> grey(std::initializer_list<float> values) {
 
 TEST(ImageErrors, AreThoseWorkedOutByHand) {
   const ImageMetrics m = computeImageMetrics(grey({4, 1, 0, 4}), grey({2, 1, 1, 4}));  // mean 2
-  EXPECT_NEAR(*m.rmse, std::sqrt((4.0 + 1) / 4) / 2, kRounding);
-  EXPECT_NEAR(*m.mae, 3.0 / 4 / 2, kRounding);
-  EXPECT_NEAR(*m.bias, 1.0 / 4 / 2, kRounding);
-  EXPECT_NEAR(*m.relmse, (4 / 4.0004 + 1 / 1.0004) / 4, kRounding);
-  EXPECT_NEAR(*m.smape, (4 / 6.002 + 2 / 1.002) / 4, kRounding);
-  EXPECT_NEAR(m.max_abs, 4, kRounding);
+  EXPECT_NEAR(*m.rmse, std::sqrt((4.0 + 1) / 4) / 2, kImageRounding);
+  EXPECT_NEAR(*m.mae, 3.0 / 4 / 2, kImageRounding);
+  EXPECT_NEAR(*m.bias, 1.0 / 4 / 2, kImageRounding);
+  EXPECT_NEAR(*m.relmse, (4 / 4.0004 + 1 / 1.0004) / 4, kImageRounding);
+  EXPECT_NEAR(*m.smape, (4 / 6.002 + 2 / 1.002) / 4, kImageRounding);
+  EXPECT_NEAR(m.max_abs, 4, kImageRounding);
   EXPECT_FALSE(m.nrmse);
 }
 
 TEST(ImageErrors, UseBothHalvesWhereThereAreTwo) {
   const ImageMetrics m =
       computeImageMetrics(grey({4, 1, 0, 4}), grey({1, 1, 1, 4}), grey({3, 1, 1, 4}));
-  EXPECT_NEAR(*m.nrmse, std::sqrt(4.0 / 21), kRounding);
-  EXPECT_NEAR(*m.rmse, std::sqrt((4.0 + 1) / 4) / 2, kRounding);  // R = 2, 1, 1, 4
+  EXPECT_NEAR(*m.nrmse, std::sqrt(4.0 / 21), kImageRounding);
+  EXPECT_NEAR(*m.rmse, std::sqrt((4.0 + 1) / 4) / 2, kImageRounding);  // R = 2, 1, 1, 4
 }
 
 TEST(ImageErrors, AreNullForABlackReference) {
   const ImageMetrics m = computeImageMetrics(grey({3, 0}), grey({0, 0}), grey({0, 0}));
   for (const auto& [name, value] : namedMetrics(m))
     EXPECT_EQ(value.has_value(), name == "max_abs") << name;
-  EXPECT_NEAR(m.max_abs, 3, kRounding);
+  EXPECT_NEAR(m.max_abs, 3, kImageRounding);
 }
 
 TEST(ImageErrors, RefusePixelsThatAreNotFinite) {

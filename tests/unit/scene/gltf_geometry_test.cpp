@@ -18,12 +18,6 @@ json primitiveOf(GltfBuilder& gltf, int positions) {
   return {{"attributes", {{"POSITION", positions}}}, {"material", gltf.material(matte())}};
 }
 
-Scene loadGlb(const GltfBuilder& gltf) {
-  const TemporaryFolder folder;
-  gltf.writeGlb(folder / "scene.glb");
-  return loadScene(folder / "scene.glb");
-}
-
 Vec3d normalOf(const Scene& scene, std::size_t t) {
   return normalize(
       cross(corner(scene, t, 1) - corner(scene, t, 0), corner(scene, t, 2) - corner(scene, t, 0)));

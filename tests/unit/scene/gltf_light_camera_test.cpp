@@ -18,12 +18,6 @@ json lightNode(int light, json node = json::object()) {
   return node;
 }
 
-Scene loadGlb(const GltfBuilder& gltf) {
-  const TemporaryFolder folder;
-  gltf.writeGlb(folder / "scene.glb");
-  return loadScene(folder / "scene.glb");
-}
-
 TEST(GltfLight, OmittedValuesAreTheExtensionsDefaults) {
   GltfBuilder gltf;
   gltf.triangle();

@@ -11,12 +11,6 @@ namespace {
 
 using nlohmann::json;
 
-Scene loadGlb(const GltfBuilder& gltf) {
-  const TemporaryFolder folder;
-  gltf.writeGlb(folder / "scene.glb");
-  return loadScene(folder / "scene.glb");
-}
-
 Scene loadMaterial(const json& material) {
   GltfBuilder gltf;
   const int index = gltf.material(material);

@@ -211,6 +211,12 @@ void GltfBuilder::writeGlb(const fs::path& path) const { writeBytes(path, glb())
 
 json matte() { return {{"pbrMetallicRoughness", {{"metallicFactor", 0}}}}; }
 
+Scene loadGlb(const GltfBuilder& gltf) {
+  const TemporaryFolder folder;
+  gltf.writeGlb(folder / "scene.glb");
+  return loadScene(folder / "scene.glb");
+}
+
 std::string loadError(const fs::path& path) {
   try {
     loadScene(path);

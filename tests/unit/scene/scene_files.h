@@ -71,6 +71,9 @@ std::string bytesOf(const std::vector<T>& values) {
 // Where a matte white material is needed: {"pbrMetallicRoughness": {"metallicFactor": 0}}.
 nlohmann::json matte();
 
+// The scene, read from a GLB of it.
+Scene loadGlb(const GltfBuilder& gltf);
+
 // The message of the InputError that loading throws; a failed expectation if it throws none or if
 // the message has more than one line.
 std::string loadError(const std::filesystem::path& path);

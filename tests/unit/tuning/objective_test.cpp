@@ -13,15 +13,11 @@ namespace probelab {
 namespace {
 
 using test::innerKeys;
+using test::room;
 using test::roomPoints;
 using test::RoomScene;
 using test::roomSnapshot;
 using test::stateOf;
-
-const RoomScene& room() {
-  static const RoomScene scene;
-  return scene;
-}
 
 struct Evaluated {
   std::vector<double> residuals, jacobian;

@@ -12,15 +12,11 @@ namespace probelab {
 namespace {
 
 using test::innerKeys;
+using test::room;
 using test::roomPoints;
 using test::RoomScene;
 using test::roomSnapshot;
 using test::stateOf;
-
-const RoomScene& room() {
-  static const RoomScene scene;
-  return scene;
-}
 
 Params knownParams(const std::string& preset) {
   Params truth = loadParams(preset);

@@ -34,6 +34,11 @@ struct RoomScene {
   Box3f box{Vec3f(0), Vec3f(4, 2.5f, 3)};
 };
 
+inline const RoomScene& room() {
+  static const RoomScene scene;
+  return scene;
+}
+
 inline ProbeLayout roomLattice(const RoomScene& room, const Vec3i& count = Vec3i(5, 3, 4)) {
   const Box3f inner{room.box.min + Vec3f(0.25f), room.box.max - Vec3f(0.25f)};
   const Lattice lattice = makeLattice(inner, count);
