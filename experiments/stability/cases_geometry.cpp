@@ -214,6 +214,23 @@ Measurement openBox(Workbench& bench, const CaseVariant& variant) {
   return near(answersAt(bench, scene, {}, {}, points, variant, {.samples = 65536}), truth, 0);
 }
 
+// A furnace with two fins that share one edge with its floor: five faces meet there, three of them
+// twice. All of both sides emits, so that E is pi everywhere.
+Measurement sharedEdge(Workbench& bench, const CaseVariant& variant) {
+  SceneBuilder builder;
+  const uint32_t m = builder.material(Vec3f(0), Vec3f(1), true);
+  builder.box(Vec3f(0), Vec3f(2), m, true);
+  for (const float lean : {0.4f, 0.9f, 0.9f})
+    builder.quad(Vec3f(0, 0, 0.5f), Vec3f(2, 0, 0.5f), Vec3f(2, 0.6f, lean), Vec3f(0, 0.6f, lean),
+                 m);
+  const BuiltScene scene(builder.finish());
+  const std::vector<QueryPoint> points{upAt(Vec3f(1)), upAt(Vec3f(1, 0.05f, 0.55f)),
+                                       upAt(Vec3f(0.3f, 0, 0.5f)), upAt(Vec3f(1.7f, 0.7f, 0.2f))};
+  return near(answersAt(bench, scene, furnaceLayout(scene.scene), quickParams(), points, variant,
+                        {.updates = 1}),
+              std::vector<double>(points.size(), pi), 1e-5);
+}
+
 Measurement fewTriangles(Workbench& bench, const CaseVariant& variant) {
   Measurement result;
   for (const bool triangle : {false, true}) {
@@ -282,6 +299,8 @@ std::vector<StabilityCase> geometryCases() {
       {"geometry.open_box", "box without a lid, edge of three faces",
        "E = pi less Lambert's formula of the opening: reference 5 sigma, probe 4 of its cut strata",
        "G13", all, openBox},
+      {"geometry.shared_edge", "fins on one edge of a furnace, one of them twice",
+       "E = pi: reference 5 sigma, fields within 1e-5", "G13", all, sharedEdge},
       {"geometry.few_triangles", "no triangle, or one, under a sky", "E = pi L within 1e-5", "G14",
        all, fewTriangles},
   };

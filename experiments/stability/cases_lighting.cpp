@@ -118,7 +118,7 @@ Measurement albedoOne(Workbench& bench, const CaseVariant& variant) {
 
 Measurement albedoRange(Workbench& bench, const CaseVariant&) {
   Measurement result = checked(true, "");
-  for (const char* bad : {"[1.5, 0, 0, 1]", "[0, -0.1, 0, 1]", "[0, 0, 1e999, 1]"}) {
+  for (const char* bad : {"[1.5, 0, 0, 1]", "[0, -0.1, 0, 1]", "[0, 0, 1e999, 1]", "[0, NaN, 0, 1]"}) {
     TinyGltf gltf;
     gltf.root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = "FACTOR";
     const auto load = [&] {
@@ -263,7 +263,7 @@ std::vector<StabilityCase> lightingCases() {
        "more",
        "G19", all, albedoOne},
       {"lighting.albedo_range",
-       "albedo above 1, below 0, infinite",
+       "albedo above 1, below 0, infinite, NaN",
        "error naming the file",
        "G20",
        {},

@@ -234,6 +234,83 @@ Measurement relocation(Workbench& bench, const CaseVariant& variant) {
                   farthest));
 }
 
+// A room whose outermost probes lie on its walls, edges and corners, or 5 cm from them, with
+// relocation.
+struct MovedProbes {
+  explicit MovedProbes(double inset_m, int iterations = 5)
+      : scene([] {
+          SceneBuilder builder;
+          builder.box(Vec3f(0), Vec3f(4, 3, 5),
+                      builder.material(Vec3f(0.5f), Vec3f(0.2f, 1, 0.5f)), true);
+          return builder.finish();
+        }()),
+        layout(fullLattice({Vec3f(static_cast<float>(inset_m)),
+                            Vec3f(4, 3, 5) - Vec3f(static_cast<float>(inset_m))},
+                           Vec3i(3, 3, 3), scene.scene.bounds)),
+        params(exactParams("rtxgi")) {
+    params.rays = 32;
+    params.relocation = 1;
+    params.relocation_iterations = iterations;
+  }
+  BuiltScene scene;
+  ProbeLayout layout;
+  Params params;
+};
+
+// Steps go back and forth where those to two walls take turns: a probe's last step, over a spacing.
+Measurement relocationEnds(Workbench& bench, const CaseVariant& variant) {
+  double step = 0;
+  const MovedProbes shorter(0.05, 20), longer(0.05, 21);
+  const auto a = bench.field(shorter.scene, shorter.layout, shorter.params, variant);
+  const auto b = bench.field(longer.scene, longer.layout, longer.params, variant);
+  for (std::size_t p = 0; p < shorter.layout.positions.size(); ++p)
+    step = larger(step, static_cast<double>(length((b->states().positions[p] -
+                                                    a->states().positions[p]) /
+                                                   shorter.layout.lattice.spacing)));
+  return within(step, 1e-3, "the 21st step, over a spacing:");
+}
+
+// What a moved probe has traced is what one traces that was placed there: nothing of its old place
+// is left in texels, distances or answers.
+Measurement relocatedHits(Workbench& bench, const CaseVariant& variant) {
+  const MovedProbes place(0.05);
+  const auto moved = bench.field(place.scene, place.layout, place.params, variant);
+  ProbeLayout there = place.layout;
+  there.positions = moved->states().positions;
+  Params params = place.params;
+  params.relocation = 0;
+  const auto placed = bench.field(place.scene, there, params, variant);
+  for (uint64_t u = 0; u < 3; ++u)
+    for (ProbeField* field : {moved.get(), placed.get()}) field->update(u, {}, {});
+  const std::vector<QueryPoint> points = randomPoints(place.scene.scene.bounds, 200, 3);
+  const bool texels = moved->irradianceTexels() == placed->irradianceTexels() &&
+                      moved->momentTexels() == placed->momentTexels();
+  const bool answers = moved->query(points) == placed->query(points);
+  const bool any = there.positions != place.layout.positions;
+  return checked(any && texels && answers,
+                 fmt::format("{}; texels {}, answers {}", any ? "moved" : "not moved",
+                             texels ? "alike" : "differ", answers ? "alike" : "differ"));
+}
+
+// 26 of 27 probes lie 1 mm from walls, edges and corners. A step goes towards the farthest face, and
+// [RTXGI] takes none where that one lies on the nearest one's side: in the middle of an edge.
+Measurement relocatedOffWalls(Workbench& bench, const CaseVariant& variant) {
+  MovedProbes place(0.001);
+  place.params.classification = PL_CLASSIFY_INSIDE;
+  const auto field = bench.field(place.scene, place.layout, place.params, variant);
+  int moved = 0;
+  for (const Vec3f& p : field->states().positions) {
+    const Vec3f far = Vec3f(4, 3, 5) - p;
+    moved += std::min(minComponent(p), minComponent(far)) > 0.05f ? 1 : 0;
+  }
+  convergeField(*field, {.average = 2});
+  const double worst =
+      worstError(field->query(randomPoints(place.scene.scene.bounds, 200, 3)), 2 * pi);
+  if (!(worst <= 2e-4)) return within(worst, 2e-4, "E off by");
+  const std::string text = fmt::format("{} of 26 are 5 cm away, E off by {:.2g}", moved - 1, worst);
+  return moved == 27 ? checked(true, text) : limitAt(moved - 1, text);
+}
+
 Measurement rotations(Workbench&, const CaseVariant&) {
   // Mean and second moment of a rotated unit vector: each component has variance 1/3, each product
   // of two at most 4/45; four standard errors of 4,096 rotations.
@@ -322,6 +399,13 @@ std::vector<StabilityCase> probeCases() {
       {"probe.too_many", "2^31 texels", "error before anything is allocated", "G30", {}, tooMany},
       {"probe.relocation", "rooms a thousandth and a thousand times as large",
        "moved by the same share of a spacing, within the limit", "P14", tracers, relocation},
+      {"probe.relocation_ends", "a twenty-first step of relocation",
+       "at most 1e-3 of a spacing: nothing goes back and forth", "P14", tracers, relocationEnds},
+      {"probe.relocated_hits", "moved probes against probes placed there",
+       "the same bits in texels, distances and answers", "P14", tracers, relocatedHits},
+      {"probe.relocated_off_walls", "relocation of probes 1 mm from walls, edges and corners",
+       "5 cm away after 5 steps, E = pi Le / (1 - albedo) within 2e-4", "G24 P9", tracers,
+       relocatedOffWalls},
       {"probe.rotations",
        "random rotations of the rays",
        "mean 0 and second moment 1/3 within 4 standard errors",

@@ -189,6 +189,29 @@ Measurement lightOn(Workbench& bench, const CaseVariant& variant) {
   return black == 1 ? checked(true, text) : limitAt(black, text);
 }
 
+// A black texel takes its first update in full, noise and all: what is left of it after n updates is
+// h^n of its error. The light is dim and even enough that no detector sees a change in it.
+Measurement firstNoise(Workbench& bench, const CaseVariant&) {
+  const SkyDial sky(Vec3f(0.05f), 0.8f);
+  Params params = exactParams("rtxgi");
+  params.encoding_gamma = 1;
+  params.darkening_step = 0;
+  const auto field = sky.field(bench, params);
+  const uint64_t start = sky.rotationFor(1.7);
+  const double first = sky.radiance(start).y;
+  double expected = first, worst = 0;
+  for (uint64_t u = 0; u < 200; ++u) {
+    field->update(start + u, {.hysteresis = 0.97f}, {});
+    if (u > 0) expected = 0.97 * expected + 0.03 * sky.radiance(start + u).y;
+    worst = larger(worst, std::abs(meanRadiance(*field) / expected - 1));
+  }
+  // Each update rounds three times by 2^-24; of an older one's roundings h^n is left.
+  const Measurement off = within(worst, 3 * 0x1p-24 / 0.03 + 1e-6, "off the recursion by");
+  return both(checked(first > 1.5 * static_cast<double>(0.05f),
+                      fmt::format("the first update brings {:.3g} of the mean", first / 0.05)),
+              off);
+}
+
 // L' = h L + (1 - h) (Le + rho L): updates until 99 % of the end.
 Measurement slowestMode(Workbench& bench, const CaseVariant& variant) {
   const BuiltScene scene(furnace(0.5f, 1));
@@ -270,6 +293,8 @@ std::vector<StabilityCase> temporalCases() {
        "G34",
        {{"", "classic"}, {"", "rtxgi"}, {"", "majercik2021"}, {"", "probelab"}},
        lightOn},
+      {"temporal.first_noise", "a noisy light comes on over a black field",
+       "first x_0, then L' = h L + (1 - h) x_n within roundings", "G34", {}, firstNoise},
       {"temporal.slowest_mode", "bounces under hysteresis 0.97, albedo 0.5",
        "99 % after as many updates as L' = h L + (1 - h)(Le + rho L) takes, +-1", "G18 P2", tracers,
        slowestMode},
