@@ -16,7 +16,9 @@ namespace probelab {
 namespace {
 
 constexpr double kMaxCorners = 2e6;
-constexpr float kBeyond = 1e-3f;  // of the free space's diagonal, from its box to the outer corners
+// Of the spacing, from the free space's box to the outer corners: about where queries of walls come
+// from. Corners on the walls, or half-way to the next ones, cost 1 % of nrmse.
+constexpr float kInset = 0.075f;
 
 // Means of the normalised sets.
 std::vector<CornerWeight> meanWeights(const std::vector<std::vector<CornerWeight>>& sets) {
@@ -48,11 +50,11 @@ void forCorners(const Lattice& corners, const FreeSpace& space, const Fill& fill
 
 }  // namespace
 
-Box3f influenceBox(const PlacementInput& input) {
-  const Box3f& bounds = input.scene.bounds;
+Box3f influenceBox(const PlacementInput& input, double spacing_m) {
   const Box3f free = outerBox(input, {});
-  const Vec3f beyond(kBeyond * free.diagonal());
-  return {componentMax(free.min - beyond, bounds.min), componentMin(free.max + beyond, bounds.max)};
+  const Vec3f inset = componentMin(Vec3f(kInset * static_cast<float>(spacing_m)),
+                                   free.extent() * 0.25f);
+  return {free.min + inset, free.max - inset};
 }
 
 Lattice influenceCorners(const Box3f& box, double spacing_m, double cells_per_spacing) {

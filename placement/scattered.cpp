@@ -64,7 +64,7 @@ ScatteredWeights scatteredWeights(const FreeSpace& space, const std::vector<Vec3
   settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
   const double spacing_m = space.spacing(static_cast<int>(positions.size()));
   const Lattice& corners = result.corners = influenceCorners(
-      influenceBox(input), spacing_m, numberOption(input, "cells", 0.5, 8));
+      influenceBox(input, spacing_m), spacing_m, numberOption(input, "cells", 0.5, 8));
   CornerWeights& weights = result.weights;
   if (interpolant == Interpolant::natural)
     weights = naturalWeights(corners, positions, space, settings);

@@ -13,10 +13,9 @@
 
 namespace probelab {
 
-// What the corner grid spans: the reachable free space alone, since places beyond it are answered by
-// the nearest voxel and a volume may be far larger; slightly more, so that the outer corners lie in
-// the walls, not on them, and never more than the bounds.
-Box3f influenceBox(const PlacementInput& input);
+// What the corner grid spans: the reachable free space alone, less a little of the spacing at its
+// walls. Places beyond are answered by the nearest voxel, and a volume may be far larger.
+Box3f influenceBox(const PlacementInput& input, double spacing_m);
 
 // A corner grid over a box: cells of about spacing / cells_per_spacing, at least 3 corners an axis
 // and at most 2 M in all.
