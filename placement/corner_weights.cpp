@@ -18,7 +18,7 @@ namespace {
 constexpr double kMaxCorners = 2e6;
 // Of the spacing, from the free space's box to the outer corners: about where queries of walls come
 // from. Corners on the walls, or half-way to the next ones, cost 1 % of nrmse.
-constexpr float kInset = 0.075f;
+constexpr float kFromWalls = 0.075f;
 
 // Means of the normalised sets.
 std::vector<CornerWeight> meanWeights(const std::vector<std::vector<CornerWeight>>& sets) {
@@ -52,7 +52,7 @@ void forCorners(const Lattice& corners, const FreeSpace& space, const Fill& fill
 
 Box3f influenceBox(const PlacementInput& input, double spacing_m) {
   const Box3f free = outerBox(input, {});
-  const Vec3f inset = componentMin(Vec3f(kInset * static_cast<float>(spacing_m)),
+  const Vec3f inset = componentMin(Vec3f(kFromWalls * static_cast<float>(spacing_m)),
                                    free.extent() * 0.25f);
   return {free.min + inset, free.max - inset};
 }
