@@ -288,13 +288,15 @@ void checkAxes(const Reader& read, const StudyPlan& plan) {
 // One of the study, or of a size, that every value of an axis sets would have no effect.
 void checkOptions(const Reader& read, const StudyPlan& plan) {
   for (const StudyAxis& axis : plan.axes)
-    for (const auto& [option, values] : plan.options)
-      if (option != "set" && option != "option" &&
+    for (const auto& option : plan.options) {
+      const std::string& name = option.first;
+      if (name != "set" && name != "option" &&
           std::ranges::all_of(axis.values, [&](const StudyAxisValue& value) {
-            return value.options.contains(option);
+            return value.options.contains(name);
           }))
         throwInput("{}: the axis '{}' sets '{}', so that the options' has no effect", read.path,
-                   axis.name, option);
+                   axis.name, name);
+    }
 }
 
 // More seeds, and more receivers, for machines that can afford them.
