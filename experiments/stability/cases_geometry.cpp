@@ -214,8 +214,8 @@ Measurement openBox(Workbench& bench, const CaseVariant& variant) {
   return near(answersAt(bench, scene, {}, {}, points, variant, {.samples = 65536}), truth, 0);
 }
 
-// A furnace with two fins that share one edge with its floor: five faces meet there, three of them
-// twice. All of both sides emits, so that E is pi everywhere.
+// A furnace with three fins on one edge that lies in its floor, two of them in one place. Both sides
+// of everything emit, so that E is pi everywhere.
 Measurement sharedEdge(Workbench& bench, const CaseVariant& variant) {
   SceneBuilder builder;
   const uint32_t m = builder.material(Vec3f(0), Vec3f(1), true);

@@ -118,7 +118,8 @@ Measurement albedoOne(Workbench& bench, const CaseVariant& variant) {
 
 Measurement albedoRange(Workbench& bench, const CaseVariant&) {
   Measurement result = checked(true, "");
-  for (const char* bad : {"[1.5, 0, 0, 1]", "[0, -0.1, 0, 1]", "[0, 0, 1e999, 1]", "[0, NaN, 0, 1]"}) {
+  for (const char* bad :
+       {"[1.5, 0, 0, 1]", "[0, -0.1, 0, 1]", "[0, 0, 1e999, 1]", "[0, NaN, 0, 1]"}) {
     TinyGltf gltf;
     gltf.root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = "FACTOR";
     const auto load = [&] {
