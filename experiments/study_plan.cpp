@@ -131,9 +131,9 @@ StudyAxis readAxis(const Reader& read, const toml::node& node) {
                  read.at(table), own);
   if (table.get("value") != nullptr) {
     for (const char* other : {"option", "values"})
-      if (const toml::node* node = table.get(other))
+      if (const toml::node* found = table.get(other))
         throwInput("{}: an axis has [[axis.value]] or option and values, not both",
-                   read.at(*node));
+                   read.at(*found));
     for (const toml::node& entry : read.list(*table.get("value"), "value")) {
       if (!entry.is_table()) throwInput("{}: write values as [[axis.value]]", read.at(entry));
       const toml::table& value = *entry.as_table();

@@ -15,6 +15,7 @@
 #include <cstring>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <thread>
 
 #include "base/error.h"
@@ -90,9 +91,14 @@ Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& p
   child.output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, processTag());
   child.log = run.folder / "logs" / (cell.id + ".txt");
   const fs::path files = run.folder / "files" / cell.id;
+  std::set<fs::path> folders;
   for (const fs::path& output : cellOutputs(cell, false))
-    makeFolder((files / output).parent_path());
-  for (const fs::path& output : cellOutputs(cell, true)) makeFolder(files / output);
+    folders.insert((files / output).parent_path());
+  for (const fs::path& output : cellOutputs(cell, true)) folders.insert(files / output);
+  for (const fs::path& folder : folders) {
+    makeFolder(folder);
+    removeLeftOvers(folder);  // of a run of this cell that was killed
+  }
   std::vector<std::string> words = {program};
   for (std::string& word : childArguments(cell, run, common)) words.push_back(std::move(word));
   std::vector<char*> argv;

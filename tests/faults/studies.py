@@ -56,9 +56,14 @@ def without_times(json_object):
     return json_object
 
 
+def left_over(folder):
+    """What runs write first and rename or remove when they are done: whole studies have none."""
+    return sorted(str(p.relative_to(folder)) for p in folder.rglob(".*"))
+
+
 def results(folder):
     """{relative path: content without times} of the cells and of what they wrote."""
     found = {}
-    for path in sorted(folder.rglob("*.json")):
+    for path in sorted(p for p in folder.rglob("*.json") if not p.name.startswith(".")):
         found[str(path.relative_to(folder))] = without_times(json.loads(path.read_text()))
     return found

@@ -4,12 +4,13 @@ by SIGKILL to the study, to it and its cells at once (as when a machine stops), 
 import os
 import random
 import signal
+import socket
 import subprocess
 import time
 import unittest
 
 from faults import LONG, PROGRAM, FaultTest
-from studies import EVALUATE, PLACE, results, write_study
+from studies import EVALUATE, PLACE, left_over, results, write_study
 
 
 class KilledStudy(FaultTest):
@@ -73,13 +74,26 @@ class KilledStudy(FaultTest):
         self.assertEqual(list(continued), list(through))
         for name in through:
             self.assertTrue(continued[name] == through[name], name)
-        names = os.listdir(self.folder / "killed/cells")
-        self.assertEqual(len(names), cells, f"something is left over: {names}")
+        self.assertEqual(len(os.listdir(self.folder / "killed/cells")), cells)
+        self.assertEqual(left_over(self.folder / "killed"), [])
 
     def test_equals_one_that_ran_through(self):
         seeds = 100 if LONG else 8
         write_study(self.folder, PLACE, seeds)
         self.kill_and_continue(100 if LONG else 8, 4 * seeds, seed=7)
+
+    def test_what_a_killed_cell_had_begun_to_write_goes(self):
+        write_study(self.folder, PLACE, 1)
+        self.whole("killed", "cache")
+        gone = subprocess.Popen(["true"])
+        gone.wait()
+        tag = f"{gone.pid}-{socket.gethostname().replace('.', '_')}"
+        for cell in (self.folder / "killed/cells").glob("*.json"):
+            cell.unlink()
+            (self.folder / "killed/files" / cell.stem / f".l.{tag}.tmp.json").write_text("")
+        self.assertEqual(len(left_over(self.folder / "killed")), 4)
+        self.whole("killed", "cache")
+        self.assertEqual(left_over(self.folder / "killed"), [])
 
     @unittest.skipUnless(LONG, "the long form: PROBELAB_LONG=1")
     def test_with_a_device_too(self):

@@ -20,7 +20,7 @@ inline toml::table parseTomlTwice(std::string_view text, const std::string& file
     return toml::parse(text, file);
   } catch (const toml::parse_error&) {
   }
-  toml::parse(text, file);
+  (void)toml::parse(text, file);
   throw std::bad_alloc();
 }
 
