@@ -126,7 +126,13 @@ std::vector<double> blockErrors(const std::vector<Vec3f>& estimates, const Recei
     area.push_back(static_cast<float>(r.area));
   }
   return blockSquaredErrors(
-      {.estimate = estimates, .a = a, .b = b, .position = position, .area = area},
+      {.estimate = estimates,
+       .a = a,
+       .b = b,
+       .position = position,
+       .area = area,
+       .region = {},
+       .kind = {}},
       spatialBlocks(position, bounds));
 }
 

@@ -2,11 +2,13 @@
 // `optimized`: starts from the best lattice and moves, adds and swaps probes against the truth at
 // train receivers and the pool's candidates, under the scene's train states and generated ones.
 // Each state counts by its error under the start, so that no light is sacrificed for another.
+// Lights that the search did not see choose the start, and check what came of it.
 #include "placement/optimized.h"
 
 #include <algorithm>
 #include <cmath>
 
+#include "base/rng.h"
 #include "placement/lattices.h"
 #include "placement/local_search.h"
 #include "placement/pool.h"
@@ -23,16 +25,12 @@ constexpr float kReachSpacings = 3.0f;    // beyond, a new probe counts only whe
 
 // States count by 1 / error^2 of the start, so that the sum falls as their geometric mean does;
 // `coverage` is in units of what the start's errors cost.
-Objective makeObjective(const Training::Data& data, std::span<const float> estimates, bool own_only,
+Objective makeObjective(const Training::Data& data, std::span<const float> estimates,
                         double relative, double coverage, float covered_m) {
   const std::vector<double> errors = squaredErrors(data, estimates);
   Objective objective{errors, relative, 0, covered_m};
   double sum = 0;
-  for (std::size_t l = 0; l < errors.size(); ++l) {
-    double& w = objective.state_weights[l];
-    if (own_only && !data.patches->lighting()[l].own) w = 0;
-    sum += w = w > 0 ? 1 / std::max(w, 1e-6) : 0;
-  }
+  for (double& w : objective.state_weights) sum += w = w > 0 ? 1 / std::max(w, 1e-6) : 0;
   for (std::size_t l = 0; l < errors.size(); ++l) {
     double& w = objective.state_weights[l];
     w = sum > 0 ? w / sum : 0;
@@ -59,7 +57,17 @@ ProbeLayout startLayout(const PlacementInput& input) {
              : sparse;
 }
 
-ProbeLayout placeOptimized(const PlacementInput& input) {
+// What the search learns from: receivers and generated lights that nobody else has.
+TrainingSettings searchSettings(const PlacementInput& input, bool own_only) {
+  TrainingSettings settings = input.training.data().settings;
+  const int lights = integerOption(input, "generated", 0, static_cast<int>(kMostStates));
+  settings.lights = own_only ? 0 : lights;
+  settings.seed = hashCounters(input.seed, RngStream::placement, 40);
+  return settings;
+}
+
+ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
+                         const ProbeLayout& start) {
   const int pool = integerOption(input, "pool", 0, 1000);
   const int pool_least = integerOption(input, "pool_least", 0, 1000000);
   const double pool_share = numberOption(input, "pool_share", 0, 1);
@@ -68,15 +76,12 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   search.proposals_a_probe = numberOption(input, "proposals", 0, 1e6);
   search.swap_share = numberOption(input, "swaps", 0, 1);
 
-  const bool own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
   FitSettings fit;
   fit.iterations = integerOption(input, "fit", 0, 10000);
   fit.stiffness = numberOption(input, "stiffness", 0, 1e6);
 
   const FreeSpace space(input);
   const SceneDistance distance(*input.scene.geometry);
-  const ProbeLayout start = startLayout(input);
-  Training::Data& data = input.training.data();
   const auto spacing = static_cast<float>(space.spacing(input.probes));
   search.probes = input.probes;
   search.spacing_m = spacing;
@@ -97,12 +102,12 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
              .spacing_m = spacing},
             input.seed);
   const Objective objective =
-      makeObjective(data, estimateLayout(data, start, input.params), own_only, relative,
+      makeObjective(data, estimateLayout(data, start, input.params), relative,
                     numberOption(input, "coverage", 0, 1e6),
                     static_cast<float>(numberOption(input, "covered", 0.1, 10)) * spacing);
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
-  data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
+  input.training.data().evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
                                       partOf(input, 0.3, 1).progress);
   const ScatteredWeights w = scatteredWeights(space, model.positions());
   ProbeLayout layout = scatteredLayout(w.interpolant, model.positions(), input.scene.bounds,
@@ -116,6 +121,18 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
                          fitted, w.pieces);
 }
 
+ProbeLayout placeOptimized(const PlacementInput& input) {
+  const bool own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
+  const bool check = choiceOption(input, "check", {"on", "off"}) == 0;
+  const TrainingSettings settings = searchSettings(input, own_only);
+  const ProbeLayout start = startLayout(input);
+  Training training(input.scene, input.embree, input.reachability, settings);
+  const ProbeLayout layout = searchLayout(input, training.data(), start);
+  if (!check) return layout;
+  const double before = input.training.score(start, input.params, own_only);
+  return input.training.score(layout, input.params, own_only) <= before ? layout : start;
+}
+
 }  // namespace
 
 const Strategy kOptimizedStrategy = {
@@ -125,6 +142,7 @@ const Strategy kOptimizedStrategy = {
          "the lattice to start from: the best of all, or unscored"},
         {"lights", "all", "all | own",
          "all: also under generated lights; own: for the scene's train states alone"},
+        {"generated", "60", "0 .. 128", "lighting states made for the search, beside the scene's own"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
         {"wall_gap", "0.02", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
@@ -135,6 +153,8 @@ const Strategy kOptimizedStrategy = {
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
         {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
         {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
+        {"check", "on", "on | off",
+         "keep the start where other lights of its kind say that it is better"},
         {"coverage", "0", "0 .. 1e6",
          "cost of gaps between probes, for light that may fall anywhere"},
         {"covered", "0.9", "0.1 .. 10",

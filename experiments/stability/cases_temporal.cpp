@@ -212,6 +212,45 @@ Measurement firstNoise(Workbench& bench, const CaseVariant&) {
               off);
 }
 
+// Noise darkens by at least one step of the stored value and brightens by 1 - h of the difference.
+// Returns what is left of the mean; `worst` gets the error against the same recursion in double.
+double keptByDarkening(Workbench& bench, double radiance, double& worst) {
+  const SkyDial sky(Vec3f(static_cast<float>(radiance)), 0.5f);
+  Params params = exactParams("rtxgi");
+  params.change_threshold = params.brightness_threshold = 100;  // none but the step
+  const auto field = sky.field(bench, params);
+  const double gamma = params.encoding_gamma, h = static_cast<double>(0.97f);
+  const double least = params.darkening_step * std::pow(2.0, 1 / gamma);  // as stored half as bright
+  double stored = 0, sum = 0, truth = 0;
+  constexpr int kUpdates = 400, kSettling = 200;
+  for (uint64_t u = 0; u < kUpdates; ++u) {
+    throwIfInterrupted();
+    field->update(u, {.hysteresis = 0.97f}, {});
+    const double sample = sky.radiance(u).y, step = std::pow(sample, 1 / gamma) - stored;
+    const double size = step < 0 ? std::min(std::max(-(1 - h) * step, least), -step) : -(1 - h) * step;
+    stored = u == 0 ? std::pow(sample, 1 / gamma) : stored - size;
+    if (u < kSettling) continue;
+    const double mean = meanRadiance(*field);
+    worst = larger(worst, std::abs(mean / std::pow(stored, gamma) - 1));
+    sum += mean, truth += sample;
+  }
+  return sum / truth;
+}
+
+Measurement darkeningStep(Workbench& bench, const CaseVariant&) {
+  double worst = 0;
+  const auto kept = [&](double radiance) { return keptByDarkening(bench, radiance, worst); };
+  // Fifth roots alone lose 0.4 CV^2 = 3 % of this noise.
+  const double one_over = breakingPoint(
+      0.01, 1e4, [&](double x) { return kept(1 / x) >= 0.9; }, 0.1);
+  const double dim = kept(1e-4);
+  // Three roundings an update, over 1 - h, five times in the fifth power.
+  return both(within(worst, 5 * 3 * 0x1p-24 / 0.03, "off the recursion by"),
+              limitAt(1 / one_over,
+                      fmt::format("10 % lost below a radiance of {:.2g}, {:.2g} left at 1e-4",
+                                  1 / one_over, dim)));
+}
+
 // L' = h L + (1 - h) (Le + rho L): updates until 99 % of the end.
 Measurement slowestMode(Workbench& bench, const CaseVariant& variant) {
   const BuiltScene scene(furnace(0.5f, 1));
@@ -295,6 +334,8 @@ std::vector<StabilityCase> temporalCases() {
        lightOn},
       {"temporal.first_noise", "a noisy light comes on over a black field",
        "first x_0, then L' = h L + (1 - h) x_n within roundings", "G34", {}, firstNoise},
+      {"temporal.darkening_step", "dim noisy light, rtxgi's least step towards dark",
+       "keeps its mean; follows the preset's own recursion within roundings", "P4", {}, darkeningStep},
       {"temporal.slowest_mode", "bounces under hysteresis 0.97, albedo 0.5",
        "99 % after as many updates as L' = h L + (1 - h)(Le + rho L) takes, +-1", "G18 P2", tracers,
        slowestMode},

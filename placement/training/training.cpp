@@ -188,7 +188,7 @@ std::vector<double> squaredErrors(const Training::Data& data, std::span<const fl
   return errors;
 }
 
-double Training::score(const ProbeLayout& layout, const Params& params) {
+double Training::score(const ProbeLayout& layout, const Params& params, bool own_only) {
   Data& d = data();
   throwIfInterrupted();
   ++d.evaluations;
@@ -197,7 +197,7 @@ double Training::score(const ProbeLayout& layout, const Params& params) {
   std::size_t lit = 0;
   const std::vector<double> errors = squaredErrors(d, estimateLayout(d, layout, params));
   for (std::size_t l = 0; l < errors.size(); ++l)
-    if (d.power[l] > 0) sum += errors[l], ++lit;
+    if (d.power[l] > 0 && (!own_only || d.patches->lighting()[l].own)) sum += errors[l], ++lit;
   return lit > 0 ? std::sqrt(sum / static_cast<double>(lit)) : 0;
 }
 

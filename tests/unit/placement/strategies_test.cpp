@@ -22,7 +22,8 @@ const std::vector<std::string> kRandom = {"jittered", "poisson"};
 OptionValues quickOptions(const std::string& name) {
   std::vector<std::string> pairs;
   if (name == "poisson_best") pairs = {"tries=3"};
-  if (name == "optimized") pairs = {"start=sparse", "proposals=4", "pool=4", "pool_least=0", "fit=4"};
+  if (name == "optimized") pairs = {"start=sparse", "proposals=4", "pool=4", "pool_least=0", "fit=4",
+                                       "generated=1"};
   return resolveOptions(findStrategy(name), pairs);
 }
 

@@ -36,9 +36,9 @@ class Training {
   Training(const Training&) = delete;
 
   // Root of the mean over lights of nrmse^2 of the layout read with these parameters, on the train
-  // receivers: probes hold traced irradiance and moments, without feedback. Counts as one
-  // evaluation.
-  double score(const ProbeLayout& layout, const Params& params);
+  // receivers: probes hold traced irradiance and moments, without feedback. `own_only`: over the
+  // scene's own states alone. Counts as one evaluation.
+  double score(const ProbeLayout& layout, const Params& params, bool own_only = false);
   uint64_t evaluations() const;
 
   struct Data;

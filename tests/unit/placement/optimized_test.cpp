@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What `optimized` learns from and what checks it.
+#include <gtest/gtest.h>
+
+#ifdef PROBELAB_WITH_CGAL
+#include "placement/training_data.h"
+#include "places.h"
+
+namespace probelab::test {
+namespace {
+
+constexpr int kProbes = 27;
+
+ProbeLayout optimize(Place& place, std::vector<std::string> pairs) {
+  for (const char* quick : {"start=sparse", "proposals=8", "pool=4", "pool_least=0", "fit=4"})
+    pairs.push_back(quick);
+  return placeProbes("optimized",
+                     place.input(kProbes, 1, resolveOptions(findStrategy("optimized"), pairs)));
+}
+
+ProbeLayout startOf(Place& place) {
+  return placeProbes("grid_sparse", place.input(kProbes, 1, {{"sweep", "off"}}));
+}
+
+// A cost of gaps above everything else spreads the probes, whatever that does to the error.
+TEST(Optimized, GivesWayToAStartThatOtherLightsSayIsBetter) {
+  Place place(corridor());
+  const ProbeLayout start = startOf(place);
+  const ProbeLayout checked = optimize(place, {"generated=1", "coverage=1e6"});
+  const ProbeLayout unchecked = optimize(place, {"generated=1", "coverage=1e6", "check=off"});
+  ASSERT_GT(place.training.score(unchecked, place.params),
+            place.training.score(start, place.params));
+  EXPECT_EQ(checked.positions, start.positions);
+  EXPECT_EQ(checked.strategy, "optimized");
+  EXPECT_NE(unchecked.positions, start.positions);
+}
+
+TEST(Optimized, ForItsOwnLightsSeesNoOthers) {
+  Place place(corridor());
+  const std::vector<Vec3f> one = optimize(place, {"lights=own", "generated=1"}).positions;
+  EXPECT_EQ(one, optimize(place, {"lights=own", "generated=9"}).positions);
+  EXPECT_NE(one, optimize(place, {"lights=all", "generated=9", "check=off"}).positions);
+}
+
+TEST(Optimized, OwnStatesScoreAlone) {
+  Place place(corridor());
+  const ProbeLayout start = startOf(place);
+  const Training::Data& data = place.training.data();
+  ASSERT_EQ(data.stateCount(), 2u);
+  const std::vector<double> errors =
+      squaredErrors(data, estimateLayout(data, start, place.params));
+  ASSERT_TRUE(data.patches->lighting()[0].own);
+  EXPECT_DOUBLE_EQ(place.training.score(start, place.params, true), std::sqrt(errors[0]));
+  EXPECT_DOUBLE_EQ(place.training.score(start, place.params),
+                   std::sqrt((errors[0] + errors[1]) / 2));
+}
+
+}  // namespace
+}  // namespace probelab::test
+#endif  // PROBELAB_WITH_CGAL
