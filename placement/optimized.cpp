@@ -59,7 +59,7 @@ ProbeLayout startLayout(const PlacementInput& input) {
 
 // What the search learns from: receivers and generated lights that nobody else has.
 TrainingSettings searchSettings(const PlacementInput& input, bool own_only) {
-  TrainingSettings settings = input.training.data().settings;
+  TrainingSettings settings = input.training.settings();
   const int lights = integerOption(input, "generated", 0, static_cast<int>(kMostStates));
   settings.lights = own_only ? 0 : lights;
   settings.seed = hashCounters(input.seed, RngStream::placement, 40);

@@ -14,6 +14,7 @@ import sys
 import time
 import tomllib
 
+from children import terminate_as_interrupt
 from whole_output import InputError, object_of, of_system
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -163,6 +164,7 @@ def describe(study, row):
 
 
 def main():
+    terminate_as_interrupt()
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--study", type=pathlib.Path,
                         default=ROOT / "experiments/studies/overview.toml")

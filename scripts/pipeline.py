@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tomllib
 
+from children import terminate_as_interrupt
 from overview import ROOT, Progress, scene_name
 from pipeline_report import report
 from whole_output import InputError, object_of, of_system
@@ -175,6 +176,7 @@ def parse():
 
 
 def main():
+    terminate_as_interrupt()
     options, runs = parse()
     program, folder = options.program.resolve(), options.results.resolve()
     options.cache = options.cache and options.cache.resolve()

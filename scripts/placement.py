@@ -15,11 +15,11 @@ import lzma
 import os
 import pathlib
 import shutil
-import subprocess
 import sys
 import threading
 import tomllib
 
+from children import Children, terminate_as_interrupt
 from overview import ROOT, Progress, scene_name
 from placement_figure import write_figure
 from placement_report import report
@@ -139,7 +139,7 @@ class Study:
             self.common += ["--threads", threads]
             self.environment["LP_NUM_THREADS"] = threads
         self.lock = threading.Lock()
-        self.truth_locks = {}
+        self.truth_locks, self.children = {}, Children()
         self.failures, self.stopping = {}, False
         self.rows = load_rows(folder)
         self.done = {self.key(row) for row in self.rows}
@@ -169,6 +169,7 @@ class Study:
                     future.result()
             except BaseException as error:
                 self.stopping = True
+                self.children.interrupt()
                 pool.shutdown(cancel_futures=True)
                 if not isinstance(error, (KeyboardInterrupt, Interrupted)):
                     raise  # a defect here
@@ -279,11 +280,10 @@ class Study:
         """Runs a command; its JSON."""
         command = [str(self.program), *map(str, arguments), *self.common]
         try:
-            done = subprocess.run(command, capture_output=True, text=True, check=False,
-                                  env=self.environment)
+            done = self.children.run(command, env=self.environment)
         except OSError as error:  # the program is gone, or being linked at this moment
             raise Failed(str(error)) from error
-        if done.returncode in (130, -2):
+        if done is None or done.returncode in (130, -2):
             raise Interrupted
         if done.returncode != 0:
             lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
@@ -403,6 +403,7 @@ def publish(folder, target):
 
 
 def main():
+    terminate_as_interrupt()
     options, study, groups = parse()
     options.cache = options.cache and options.cache.resolve()
     folder = options.results.resolve()

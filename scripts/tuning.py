@@ -16,6 +16,7 @@ import shutil
 import sys
 import tomllib
 
+from children import Children, terminate_as_interrupt
 from overview import ROOT, Progress, scene_name
 from placement import Failed, Interrupted, Study as Runner, chosen, settings_of
 from placement_rows import load_rows
@@ -65,6 +66,7 @@ class TuningStudy(Runner):
         if options.device:
             self.common += ["--device", options.device]
         self.environment = dict(os.environ)
+        self.children = Children()
         self.rows, self.failures = load_rows(folder), {}
         self.done = {row["unit"] for row in self.rows if row["settings"] == self.settings}
         plain = folder / "rows.jsonl"
@@ -257,6 +259,7 @@ def parse():
 
 
 def main():
+    terminate_as_interrupt()
     options, study = parse()
     options.cache = options.cache and options.cache.resolve()
     folder = options.results.resolve()

@@ -143,6 +143,7 @@ Training::Data& Training::data() {
 }
 
 uint64_t Training::evaluations() const { return data_->evaluations; }
+const TrainingSettings& Training::settings() const { return data_->settings; }
 
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params) {

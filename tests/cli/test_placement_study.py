@@ -4,6 +4,7 @@ import json
 import math
 import subprocess
 import sys
+import time
 import unittest
 
 from support import CliTest, PROGRAM, SOURCE
@@ -79,6 +80,29 @@ class PlacementStudy(CliTest):
         self.results = published
         again = self.study("--report")
         self.assertEqual(again.stdout.splitlines()[:-1], second.stdout.splitlines()[:-1])
+
+    def test_sigterm_ends_what_it_runs(self):
+        def running():
+            found = subprocess.run(["pgrep", "-f", f"{PROGRAM}.*{self.folder}"],
+                                   capture_output=True, text=True, check=False)
+            return found.stdout.split()
+
+        # Receivers of so little error take longer than this test.
+        (self.folder / "study.toml").write_text(STUDY.replace("rel_error = 0.2",
+                                                              "rel_error = 0.0005"))
+        script = [sys.executable, SOURCE / "scripts/placement.py", "--jobs", "2", "--study",
+                  self.folder / "study.toml", "--program", PROGRAM, "--results", self.results,
+                  "--cache", self.folder / "cache"]
+        with subprocess.Popen(script, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                              text=True) as study:
+            while not running() and study.poll() is None:
+                time.sleep(0.05)
+            time.sleep(1)
+            study.terminate()
+            errors = study.communicate(timeout=60)[1]
+        self.assertEqual(study.returncode, 130, errors)
+        self.assertIn("interrupted; finished runs are kept", errors)
+        self.assertEqual(running(), [])
 
     def test_a_failure_is_named_and_leaves_the_others(self):
         (self.folder / "study.toml").write_text(

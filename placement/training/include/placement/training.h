@@ -40,6 +40,7 @@ class Training {
   // scene's own states alone. Counts as one evaluation.
   double score(const ProbeLayout& layout, const Params& params, bool own_only = false);
   uint64_t evaluations() const;
+  const TrainingSettings& settings() const;
 
   struct Data;
   Data& data();  // traced at the first call; placement/training_data.h
