@@ -145,7 +145,7 @@ const Strategy kOptimizedStrategy = {
         {"generated", "60", "0 .. 128", "lighting states made for the search, beside the scene's own"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
-        {"wall_gap", "0.02", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
+        {"wall_gap", "0.1", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
         {"pool", "40", "0 .. 1000",
          "candidates, x probes, that the chosen ones should make superfluous"},
         {"pool_least", "16000", "0 .. 1e6", "as many at least, however few the probes"},
