@@ -140,7 +140,19 @@ class Search {
   }
 
   bool isFit(const Vec3f& p) const {
-    return distance_.clearance(p) >= static_cast<double>(settings_.wall_gap_m) && space_.usable(p);
+    const std::optional<ClosestPoint> wall = distance_.closest(p);
+    if (wall && wall->distance_m < static_cast<double>(settings_.wall_gap_m) &&
+        !isInTheMiddle(p, *wall))
+      return false;
+    return space_.usable(p);
+  }
+
+  // Where there is less room than two gaps, the middle half of it will do.
+  bool isInTheMiddle(const Vec3f& p, const ClosestPoint& wall) const {
+    const auto near = static_cast<float>(wall.distance_m);
+    if (!(near > 0)) return false;
+    const Vec3f away = (p - Vec3f(wall.point)) / near;
+    return data_.embree.occluded(Ray{p, 0, away, 3 * near});
   }
 
   void takeBest(const std::vector<Proposal>& proposals) {

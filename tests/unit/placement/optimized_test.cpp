@@ -2,6 +2,8 @@
 // What `optimized` learns from and what checks it.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #ifdef PROBELAB_WITH_CGAL
 #include "placement/training_data.h"
 #include "places.h"
@@ -16,6 +18,15 @@ ProbeLayout optimize(Place& place, std::vector<std::string> pairs) {
     pairs.push_back(quick);
   return placeProbes("optimized",
                      place.input(kProbes, 1, resolveOptions(findStrategy("optimized"), pairs)));
+}
+
+// 6 x 0.4 x 0.4 m: less room than two gaps of 0.4 spacings.
+Scene duct() {
+  SceneBuilder b;
+  b.shell(Vec3f(0), Vec3f(6, 0.4f, 0.4f), 0.1f, b.material(Vec3f(0.6f)), b.material(Vec3f(0.6f)));
+  b.pointLight(Vec3f(1, 0.3f, 0.2f), Vec3f(1));
+  b.camera(Vec3f(1, 0.2f, 0.2f), Vec3f(5, 0.2f, 0.2f));
+  return b.finish();
 }
 
 ProbeLayout startOf(Place& place) {
@@ -40,6 +51,23 @@ TEST(Optimized, ForItsOwnLightsSeesNoOthers) {
   const std::vector<Vec3f> one = optimize(place, {"lights=own", "generated=1"}).positions;
   EXPECT_EQ(one, optimize(place, {"lights=own", "generated=9"}).positions);
   EXPECT_NE(one, optimize(place, {"lights=all", "generated=9", "check=off"}).positions);
+}
+
+TEST(Optimized, MovesInTheMiddleOfNarrowPlaces) {
+  Place place(duct());
+  const std::vector<Vec3f> start = startOf(place).positions;
+  const std::vector<Vec3f> moved =
+      optimize(place, {"generated=1", "wall_gap=0.4", "check=off"}).positions;
+  int elsewhere = 0;
+  for (const Vec3f& p : moved) {
+    if (std::ranges::find(start, p) != start.end()) continue;
+    ++elsewhere;
+    for (const float x : {p.y, p.z}) {
+      EXPECT_GE(x, 0.1f - 1e-5f);
+      EXPECT_LE(x, 0.3f + 1e-5f);
+    }
+  }
+  EXPECT_GT(elsewhere, 0);
 }
 
 TEST(Optimized, OwnStatesScoreAlone) {
