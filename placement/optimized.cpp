@@ -107,8 +107,9 @@ ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
                     static_cast<float>(numberOption(input, "covered", 0.1, 10)) * spacing);
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
-  input.training.data().evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
-                                      partOf(input, 0.3, 1).progress);
+  input.training.data().evaluations +=
+      searchPositions(model, data, plan, space, distance, search, input.seed,
+                      partOf(input, 0.3, 1).progress);
   const ScatteredWeights w = scatteredWeights(space, model.positions());
   ProbeLayout layout = scatteredLayout(w.interpolant, model.positions(), input.scene.bounds,
                                        w.corners, w.weights, w.pieces);
@@ -142,7 +143,8 @@ const Strategy kOptimizedStrategy = {
          "the lattice to start from: the best of all, or unscored"},
         {"lights", "all", "all | own",
          "all: also under generated lights; own: for the scene's train states alone"},
-        {"generated", "60", "0 .. 128", "lighting states made for the search, beside the scene's own"},
+        {"generated", "60", "0 .. 128",
+         "lighting states made for the search, beside the scene's own"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
         {"wall_gap", "0.1", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
