@@ -66,8 +66,15 @@ TrainingSettings searchSettings(const PlacementInput& input, bool own_only) {
   return settings;
 }
 
+// Mean spacings between moved probes and surfaces. A probe beside a wall sees mostly what one lamp
+// does to that wall: good where the lamp is known, bad for a whole room where it is another.
+double wallGap(const PlacementInput& input, bool own_only) {
+  if (input.options.at("wall_gap") == "auto") return own_only ? 0.02 : 0.1;
+  return numberOption(input, "wall_gap", 0, 0.4);
+}
+
 ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
-                         const ProbeLayout& start) {
+                         const ProbeLayout& start, float wall_gap) {
   const int pool = integerOption(input, "pool", 0, 1000);
   const int pool_least = integerOption(input, "pool_least", 0, 1000000);
   const double pool_share = numberOption(input, "pool_share", 0, 1);
@@ -85,7 +92,7 @@ ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
   const auto spacing = static_cast<float>(space.spacing(input.probes));
   search.probes = input.probes;
   search.spacing_m = spacing;
-  search.wall_gap_m = static_cast<float>(numberOption(input, "wall_gap", 0, 0.4)) * spacing;
+  search.wall_gap_m = wall_gap * spacing;
   const SubsetSettings settings = {
       .neighbours = kNeighbours,
       .sharpness = static_cast<float>(numberOption(input, "sharpness", 0.01, 100)),
@@ -125,10 +132,11 @@ ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
 ProbeLayout placeOptimized(const PlacementInput& input) {
   const bool own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
   const bool check = choiceOption(input, "check", {"on", "off"}) == 0;
+  const auto wall_gap = static_cast<float>(wallGap(input, own_only));
   const TrainingSettings settings = searchSettings(input, own_only);
   const ProbeLayout start = startLayout(input);
   Training training(input.scene, input.embree, input.reachability, settings);
-  const ProbeLayout layout = searchLayout(input, training.data(), start);
+  const ProbeLayout layout = searchLayout(input, training.data(), start, wall_gap);
   if (!check) return layout;
   const double before = input.training.score(start, input.params, own_only);
   return input.training.score(layout, input.params, own_only) <= before ? layout : start;
@@ -147,7 +155,8 @@ const Strategy kOptimizedStrategy = {
          "lighting states made for the search, beside the scene's own"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
-        {"wall_gap", "0.1", "0 .. 0.4", "kept between moved probes and surfaces, x mean spacing"},
+        {"wall_gap", "auto", "auto | 0 .. 0.4",
+         "kept between moved probes and surfaces, x mean spacing; auto: 0.1, lights=own 0.02"},
         {"pool", "40", "0 .. 1000",
          "candidates, x probes, that the chosen ones should make superfluous"},
         {"pool_least", "16000", "0 .. 1e6", "as many at least, however few the probes"},
