@@ -114,9 +114,8 @@ ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
                     static_cast<float>(numberOption(input, "covered", 0.1, 10)) * spacing);
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
-  input.training.data().evaluations +=
-      searchPositions(model, data, plan, space, distance, search, input.seed,
-                      partOf(input, 0.3, 1).progress);
+  data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
+                                      partOf(input, 0.3, 1).progress);
   const ScatteredWeights w = scatteredWeights(space, model.positions());
   ProbeLayout layout = scatteredLayout(w.interpolant, model.positions(), input.scene.bounds,
                                        w.corners, w.weights, w.pieces);
@@ -134,12 +133,15 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   const bool check = choiceOption(input, "check", {"on", "off"}) == 0;
   const auto wall_gap = static_cast<float>(wallGap(input, own_only));
   const TrainingSettings settings = searchSettings(input, own_only);
+  const uint64_t before = input.training.evaluations();
   const ProbeLayout start = startLayout(input);
   Training training(input.scene, input.embree, input.reachability, settings);
-  const ProbeLayout layout = searchLayout(input, training.data(), start, wall_gap);
-  if (!check) return layout;
-  const double before = input.training.score(start, input.params, own_only);
-  return input.training.score(layout, input.params, own_only) <= before ? layout : start;
+  ProbeLayout layout = searchLayout(input, training.data(), start, wall_gap);
+  if (check && input.training.score(start, input.params, own_only) <
+                   input.training.score(layout, input.params, own_only))
+    layout = start;
+  layout.evaluations = training.evaluations() + input.training.evaluations() - before;
+  return layout;
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ OptionValues quickOptions(const std::string& name) {
   std::vector<std::string> pairs;
   if (name == "poisson_best") pairs = {"tries=3"};
   if (name == "optimized") pairs = {"start=sparse", "proposals=4", "pool=4", "pool_least=0", "fit=4",
-                                       "generated=1"};
+                                       "generated=1", "check=off"};
   return resolveOptions(findStrategy(name), pairs);
 }
 
