@@ -34,7 +34,7 @@ struct LightingPlan {
 // directions from which the reachable space can be seen) and the sky alone; a scene without lights
 // of its own gets lamps. No more than kMostStates in all.
 //
-// What a lamp lights brightly is a metre wide, so dozens of lamps one by one leave most of the walls
+// What a lamp lights brightly is small, so dozens of lamps one by one leave most of the walls
 // to chance, and layouts fit the places where lamps happened to stand. Lamps that share a state but
 // stand apart are nearly as good as states of their own, because errors are local to their bright
 // spots; but rooms have to be dark in some states too.
