@@ -126,13 +126,7 @@ std::vector<double> blockErrors(const std::vector<Vec3f>& estimates, const Recei
     area.push_back(static_cast<float>(r.area));
   }
   return blockSquaredErrors(
-      {.estimate = estimates,
-       .a = a,
-       .b = b,
-       .position = position,
-       .area = area,
-       .region = {},
-       .kind = {}},
+      {.estimate = estimates, .a = a, .b = b, .position = position, .area = area},
       spatialBlocks(position, bounds));
 }
 

@@ -75,14 +75,8 @@ HeldoutBlocks::HeldoutBlocks(const Receivers& receivers, const Box3f& bounds) {
 std::vector<double> HeldoutBlocks::errors(const std::vector<Vec3f>& estimates) const {
   std::vector<Vec3f> estimate;
   for (const std::size_t i : index_) estimate.push_back(estimates[i]);
-  return blockSquaredErrors({.estimate = estimate,
-                             .a = a_,
-                             .b = b_,
-                             .position = positions_,
-                             .area = area_,
-                             .region = {},
-                             .kind = {}},
-                            blocks_);
+  return blockSquaredErrors(
+      {.estimate = estimate, .a = a_, .b = b_, .position = positions_, .area = area_}, blocks_);
 }
 
 Json numbersJson(const ErrorReport& report) {

@@ -121,8 +121,8 @@ Measurement albedoOne(Workbench& bench, const CaseVariant& variant) {
     const double share = shareOfLastingPaths(kPaths);
     return within(std::abs(static_cast<double>(above) / kPoints - share),
                   4 * std::sqrt(share * (1 - share) / kPoints),
-                  fmt::format("ends; of {} means of 32 paths {} are above {:g} pi, law {:.3g}: off by",
-                              kPoints, above, kTypicalMean * kLastingRadiance, share));
+                  fmt::format("ends; of {} means of {} paths {} are above {:g} pi, law {:.3g}: off by",
+                              kPoints, kPaths, above, kTypicalMean * kLastingRadiance, share));
   }
   Params params = fewRays();
   params.encoding_gamma = 1;

@@ -220,15 +220,16 @@ double keptByDarkening(Workbench& bench, double radiance, double& worst) {
   params.change_threshold = params.brightness_threshold = 100;  // none but the step
   const auto field = sky.field(bench, params);
   const double gamma = params.encoding_gamma, h = static_cast<double>(0.97f);
-  const double least = params.darkening_step * std::pow(2.0, 1 / gamma);  // as stored half as bright
+  // Of what is stored half as bright there.
+  const double least = params.darkening_step * std::pow(2.0, 1 / gamma);
   double stored = 0, sum = 0, truth = 0;
   constexpr int kUpdates = 400, kSettling = 200;
   for (uint64_t u = 0; u < kUpdates; ++u) {
     throwIfInterrupted();
     field->update(u, {.hysteresis = 0.97f}, {});
     const double sample = sky.radiance(u).y, step = std::pow(sample, 1 / gamma) - stored;
-    const double size = step < 0 ? std::min(std::max(-(1 - h) * step, least), -step) : -(1 - h) * step;
-    stored = u == 0 ? std::pow(sample, 1 / gamma) : stored - size;
+    const double mixed = u == 0 ? step : (1 - h) * step;
+    stored += step < 0 ? std::max(step, std::min(mixed, -least)) : mixed;
     if (u < kSettling) continue;
     const double mean = meanRadiance(*field);
     worst = larger(worst, std::abs(mean / std::pow(stored, gamma) - 1));
@@ -334,8 +335,12 @@ std::vector<StabilityCase> temporalCases() {
        lightOn},
       {"temporal.first_noise", "a noisy light comes on over a black field",
        "first x_0, then L' = h L + (1 - h) x_n within roundings", "G34", {}, firstNoise},
-      {"temporal.darkening_step", "dim noisy light, rtxgi's least step towards dark",
-       "keeps its mean; follows the preset's own recursion within roundings", "P4", {}, darkeningStep},
+      {"temporal.darkening_step",
+       "dim noisy light, rtxgi's least step towards dark",
+       "keeps its mean; follows the preset's own recursion within roundings",
+       "P4",
+       {},
+       darkeningStep},
       {"temporal.slowest_mode", "bounces under hysteresis 0.97, albedo 0.5",
        "99 % after as many updates as L' = h L + (1 - h)(Le + rho L) takes, +-1", "G18 P2", tracers,
        slowestMode},

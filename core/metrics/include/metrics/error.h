@@ -25,8 +25,9 @@ struct ReceiverSamples {
   std::span<const Vec3f> a, b;      // the reference's halves; R = (A + B) / 2
   std::span<const Vec3f> position;  // only for pooling the reference's variance
   std::span<const float> area;      // weights of any positive sum; renormalised to 1
-  std::span<const int> region;      // may be empty: all in one region
-  std::span<const int> kind;  // kSurfaceReceiver, kVolumeReceiver; may be empty: no tables per kind
+  std::span<const int> region = {};  // may be empty: all in one region
+  // kSurfaceReceiver, kVolumeReceiver; may be empty: no tables per kind
+  std::span<const int> kind = {};
 };
 
 // R̄ = Σ a R; σ² is pooledVariance. A ratio is null where Σ a A B or R̄ is not positive (an unlit
