@@ -28,6 +28,7 @@ class Children:
             output, errors = process.communicate()
         except BaseException:
             self.interrupt()
+            process.communicate()  # until it has ended
             raise
         finally:
             with self.lock:
