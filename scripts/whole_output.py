@@ -9,6 +9,8 @@ import subprocess
 import sys
 import tempfile
 
+from children import terminate_as_interrupt
+
 
 class InputError(Exception):
     """What is wrong with which file, in one line."""
@@ -75,10 +77,15 @@ def whole_folder(folder):
 
 
 def run_main(main):
-    """Calls main; what a user can mend is one line and exit code 2."""
+    """Calls main; what a user can mend is one line and exit code 2. SIGTERM or Ctrl-C ends it and
+    the command that it runs: 130."""
+    terminate_as_interrupt()
     name = pathlib.Path(sys.argv[0]).stem
     try:
         main()
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted; nothing was written", file=sys.stderr)
+        sys.exit(130)
     except InputError as error:
         text = error
     except ImportError as error:

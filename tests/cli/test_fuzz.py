@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
@@ -32,7 +33,8 @@ class Fuzz(unittest.TestCase):
         self.addCleanup(temporary.cleanup)
         self.folder = pathlib.Path(temporary.name)
         (self.folder / "scripts").mkdir()
-        shutil.copy(SOURCE / "scripts/fuzz", self.folder / "scripts/fuzz")
+        for name in ("fuzz", "children.py"):
+            shutil.copy(SOURCE / "scripts" / name, self.folder / "scripts" / name)
         shutil.copytree(SOURCE / "tests/fuzz/corpus/values_json",
                         self.folder / "tests/fuzz/corpus/values_json")
         (self.folder / "build").mkdir()
@@ -40,10 +42,12 @@ class Fuzz(unittest.TestCase):
         program.write_text(FUZZER.format(folder=self.folder))
         program.chmod(0o755)
 
+    def command(self, *words):
+        return [sys.executable, self.folder / "scripts/fuzz", "--no-build", "--build",
+                self.folder / "build", "--format", "values_json", *words]
+
     def fuzz(self, *words):
-        return subprocess.run([sys.executable, self.folder / "scripts/fuzz", "--no-build", "--build",
-                               self.folder / "build", "--format", "values_json", *words],
-                              capture_output=True, text=True)
+        return subprocess.run(self.command(*words), capture_output=True, text=True, cwd=self.folder)
 
     def passes(self):
         text = (self.folder / "results/runs/fuzz/passes.jsonl").read_text()
@@ -66,6 +70,40 @@ class Fuzz(unittest.TestCase):
                           "edges": "8", "regressions": "1"})
         found = self.folder / "tests/fuzz/regressions/values_json/crash-00"
         self.assertEqual(found.read_text(), "boom\n")
+
+    def test_publishing_keeps_the_rows_of_formats_without_passes_here(self):
+        self.fuzz("--runs", "400", "--publish", "published")
+        manifest = self.folder / "published/manifest.json"
+        manifest.write_text(manifest.read_text().replace('"commits": [', '"commits": ["elsewhere",'))
+        passes = self.folder / "results/runs/fuzz/passes.jsonl"
+        passes.write_text(passes.read_text().replace("values_json", "glb"))
+        self.fuzz("--report", "--publish", "published")
+        with open(self.folder / "published/rows.csv", newline="") as file:
+            rows = {row["format"]: row["executions"] for row in csv.DictReader(file)}
+        self.assertEqual(rows, {"values_json": "400", "glb": "400"})
+        self.assertIn("elsewhere", json.loads(manifest.read_text())["commits"])
+
+    def test_sigterm_ends_libfuzzer_and_keeps_its_pass(self):
+        program = self.folder / "build/fuzz_values_json"
+        program.write_text("#!/bin/sh\n"
+                           f"echo $$ > {self.folder}/started\n"
+                           "trap 'kill $!; exit 72' INT\n"
+                           "echo '#3\tINITED cov: 7 ft: 9' >&2\n"
+                           "echo '#33\tpulse cov: 7 ft: 9' >&2\n"
+                           "sleep 60 &\n"
+                           "wait\n")
+        with subprocess.Popen(self.command("--runs", "400"), stdout=subprocess.DEVNULL,
+                              stderr=subprocess.PIPE, text=True, cwd=self.folder) as fuzz:
+            while not (self.folder / "started").exists() and fuzz.poll() is None:
+                time.sleep(0.05)
+            time.sleep(0.2)
+            fuzz.terminate()
+            errors = fuzz.communicate(timeout=30)[1]
+        self.assertEqual(fuzz.returncode, 130, errors)
+        self.assertTrue(errors.endswith("fuzz: interrupted; the passes so far are kept\n"), errors)
+        self.assertEqual([p["executions"] for p in self.passes()], [30])
+        started = int((self.folder / "started").read_text())
+        self.assertRaises(ProcessLookupError, os.kill, started, 0)
 
     def test_a_line_that_a_kill_cut_is_left_out(self):
         self.fuzz("--runs", "400")
@@ -99,9 +137,7 @@ class Fuzz(unittest.TestCase):
             "[ -e again ] && echo slow > ${prefix}timeout-22\n"
             "touch again\n"
             "exit 70\n")
-        done = subprocess.run([sys.executable, self.folder / "scripts/fuzz", "--no-build", "--build",
-                               self.folder / "build", "--format", "values_json", "--runs", "40"],
-                              capture_output=True, text=True, cwd=self.folder)
+        done = self.fuzz("--runs", "40")
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertEqual([(p["slept"], p["found"]) for p in self.passes()],
                          [(1, []), (1, ["timeout"])])
