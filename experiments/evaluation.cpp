@@ -88,46 +88,54 @@ std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers)
   return estimates;
 }
 
-ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
-                           ScoredSplit split) {
-  std::vector<Vec3f> estimate, a, b, position;
-  std::vector<float> area;
-  std::vector<int> region, kind;
+ReceiverColumns receiverColumns(const Receivers& receivers, ScoredSplit split) {
+  ReceiverColumns scored;
   bool has_kinds = true;
   for (std::size_t i = 0; i < receivers.points.size(); ++i) {
     const Receiver& r = receivers.points[i];
     if (!isScored(r, split)) continue;
-    estimate.push_back(estimates[i]), a.push_back(r.a), b.push_back(r.b);
-    position.push_back(r.position), area.push_back(static_cast<float>(r.area));
-    region.push_back(r.region);
-    kind.push_back(r.kind == ReceiverKind::surface ? kSurfaceReceiver : kVolumeReceiver);
+    scored.index.push_back(i);
+    scored.a.push_back(r.a), scored.b.push_back(r.b), scored.position.push_back(r.position);
+    scored.area.push_back(static_cast<float>(r.area));
+    scored.region.push_back(r.region);
+    scored.kind.push_back(r.kind == ReceiverKind::surface ? kSurfaceReceiver : kVolumeReceiver);
     has_kinds = has_kinds && r.kind != ReceiverKind::point;
   }
-  if (estimate.empty())
+  if (!has_kinds) scored.kind.clear();
+  return scored;
+}
+
+std::vector<Vec3f> ReceiverColumns::pick(const std::vector<Vec3f>& estimates) const {
+  std::vector<Vec3f> picked;
+  for (const std::size_t i : index) picked.push_back(estimates[i]);
+  return picked;
+}
+
+ReceiverSamples ReceiverColumns::samples(const std::vector<Vec3f>& estimate) const {
+  return {.estimate = estimate,
+          .a = a,
+          .b = b,
+          .position = position,
+          .area = area,
+          .region = region,
+          .kind = kind};
+}
+
+ErrorReport scoreEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
+                           ScoredSplit split) {
+  const ReceiverColumns scored = receiverColumns(receivers, split);
+  if (scored.index.empty())
     throwInput(
         "no receiver is in the part of --split; take more of them with --count, or --split "
         "all");
-  if (!has_kinds) kind.clear();
-  return computeErrors({.estimate = estimate,
-                        .a = a,
-                        .b = b,
-                        .position = position,
-                        .area = area,
-                        .region = region,
-                        .kind = kind});
+  const std::vector<Vec3f> estimate = scored.pick(estimates);
+  return computeErrors(scored.samples(estimate));
 }
 
 std::vector<double> blockErrors(const std::vector<Vec3f>& estimates, const Receivers& receivers,
                                 const Box3f& bounds) {
-  std::vector<Vec3f> a, b, position;
-  std::vector<float> area;
-  for (const Receiver& r : receivers.points) {
-    a.push_back(r.a), b.push_back(r.b), position.push_back(r.position);
-    area.push_back(static_cast<float>(r.area));
-  }
-  return blockSquaredErrors(
-      {.estimate = estimates, .a = a, .b = b, .position = position, .area = area},
-      spatialBlocks(position, bounds));
+  const ReceiverColumns all = receiverColumns(receivers, ScoredSplit::all);
+  return blockSquaredErrors(all.samples(estimates), spatialBlocks(all.position, bounds));
 }
 
 Json toJson(const ErrorReport& report) {

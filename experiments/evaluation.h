@@ -19,6 +19,20 @@ enum class ScoredSplit { heldout, train, all };
 ScoredSplit parseScoredSplit(const std::string& name);  // throws InputError
 bool isScored(const Receiver& receiver, ScoredSplit split);
 
+// The receivers of a split, column by column.
+struct ReceiverColumns {
+  std::vector<std::size_t> index;  // in the file
+  std::vector<Vec3f> a, b, position;
+  std::vector<float> area;
+  std::vector<int> region, kind;  // kind is empty where any of them has none
+
+  // Of estimates at all receivers of the file.
+  std::vector<Vec3f> pick(const std::vector<Vec3f>& estimates) const;
+  // References are kept, to `estimate` (of these receivers) as well.
+  ReceiverSamples samples(const std::vector<Vec3f>& estimate) const;
+};
+ReceiverColumns receiverColumns(const Receivers& receivers, ScoredSplit split);
+
 // The field's irradiance at every receiver, [receiver].
 std::vector<Vec3f> queryReceivers(ProbeField& field, const Receivers& receivers);
 

@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "evaluation.h"
 #include "table.h"
 
 namespace probelab {
@@ -53,30 +52,21 @@ const char* lightsName(bool same) { return same ? "train" : "heldout"; }
 
 }  // namespace
 
-HeldoutBlocks::HeldoutBlocks(const Receivers& receivers, const Box3f& bounds) {
-  for (std::size_t i = 0; i < receivers.points.size(); ++i) {
-    const Receiver& r = receivers.points[i];
-    if (r.split != Split::heldout) continue;
-    a_.push_back(r.a), b_.push_back(r.b);
-    positions_.push_back(r.position);
-    area_.push_back(static_cast<float>(r.area));
-    index_.push_back(i);
-  }
-  blocks_ = spatialBlocks(positions_, bounds);
+HeldoutBlocks::HeldoutBlocks(const Receivers& receivers, const Box3f& bounds)
+    : receivers_(receiverColumns(receivers, ScoredSplit::heldout)) {
+  blocks_ = spatialBlocks(receivers_.position, bounds);
   names_.resize(static_cast<std::size_t>(blocks_.count));
   const float edge = length(bounds.max - bounds.min) / kBlocksOnDiagonal;
-  for (std::size_t i = 0; i < positions_.size(); ++i) {
-    const Vec3f p = (positions_[i] - bounds.min) / edge;
+  for (std::size_t i = 0; i < receivers_.position.size(); ++i) {
+    const Vec3f p = (receivers_.position[i] - bounds.min) / edge;
     names_[static_cast<std::size_t>(blocks_.block[i])] =
         fmt::format("{},{},{}", std::floor(p.x), std::floor(p.y), std::floor(p.z));
   }
 }
 
 std::vector<double> HeldoutBlocks::errors(const std::vector<Vec3f>& estimates) const {
-  std::vector<Vec3f> estimate;
-  for (const std::size_t i : index_) estimate.push_back(estimates[i]);
-  return blockSquaredErrors(
-      {.estimate = estimate, .a = a_, .b = b_, .position = positions_, .area = area_}, blocks_);
+  const std::vector<Vec3f> estimate = receivers_.pick(estimates);
+  return blockSquaredErrors(receivers_.samples(estimate), blocks_);
 }
 
 Json numbersJson(const ErrorReport& report) {

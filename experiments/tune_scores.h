@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "evaluation.h"
 #include "json.h"
 #include "metrics/bootstrap.h"
 #include "metrics/error.h"
@@ -34,9 +35,7 @@ class HeldoutBlocks {
   std::vector<double> errors(const std::vector<Vec3f>& estimates) const;
 
  private:
-  std::vector<Vec3f> a_, b_, positions_;
-  std::vector<float> area_;
-  std::vector<std::size_t> index_;  // of the receiver
+  ReceiverColumns receivers_;
   SpatialBlocks blocks_;
   std::vector<std::string> names_;
 };

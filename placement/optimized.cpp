@@ -154,7 +154,7 @@ const Strategy kOptimizedStrategy = {
         {"lights", "all", "all | own",
          "all: also under generated lights; own: for the scene's train states alone"},
         {"generated", "60", "0 .. 128",
-         "lighting states made for the search, beside the scene's own"},
+         "lighting states made for the search, beside the scene's own; in all 128 at most"},
         {"proposals", "60", "0 .. 1e6", "moves and swaps tried for each probe"},
         {"swaps", "0.35", "0 .. 1", "share of swaps among them"},
         {"wall_gap", "auto", "auto | 0 .. 0.4",

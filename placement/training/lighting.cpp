@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
 #include "base/rng.h"
 #include "trace/light_data.h"
 #include "trace/sampling.h"
@@ -154,15 +155,18 @@ std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& em
                                        const LightingPlan& plan) {
   std::vector<Lighting> all;
   const Kinds kinds = addOwnStates(scene, plan.split, all);
+  if (all.size() > kMostStates)
+    throwInput("{}: a layout cannot be trained under its {} lighting states; {} are the most",
+               scene.path, all.size(), kMostStates);
   Rng rng(plan.seed, RngStream::placement, 1);
-  const int skies = kinds.sky && plan.generated > 0 ? 1 : 0;
-  const int suns = kinds.suns ? (plan.generated - skies) / (kinds.lamps ? 2 : 1) : 0;
-  const int lamps = kinds.lamps ? plan.generated - skies - suns : 0;
+  const int generated = std::min(plan.generated, static_cast<int>(kMostStates - all.size()));
+  const int skies = kinds.sky && generated > 0 ? 1 : 0;
+  const int suns = kinds.suns ? (generated - skies) / (kinds.lamps ? 2 : 1) : 0;
+  const int lamps = kinds.lamps ? generated - skies - suns : 0;
   if (skies > 0) all.push_back({"sky", false, {}, 1.0f});
   for (const Vec3f& d : sunDirections(embree, reachability, suns, rng))
     all.push_back(sunState(d, kinds.sky, rng));
   addLampStates(embree, reachability, lamps, plan.lamps_each, rng, all);
-  if (all.size() > kMostStates) all.resize(kMostStates);
   return all;
 }
 

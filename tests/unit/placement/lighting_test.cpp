@@ -7,7 +7,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
+#include "base/error.h"
 #include "path_truth.h"
 #include "places.h"
 
@@ -84,6 +86,19 @@ TEST(Lighting, KindsAreTheScenesAlsoForASplitWithoutStates) {
     EXPECT_LT(all[i].lights.at(0).direction.y, 0);
     EXPECT_GT(all[i].sky_scale, 0);
   }
+}
+
+TEST(Lighting, TheScenesOwnStatesComeBeforeGeneratedOnes) {
+  Scene scene = twoRooms();
+  scene.states.assign(100, {});
+  for (std::size_t i = 0; i < scene.states.size(); ++i)
+    scene.states[i].name = "state " + std::to_string(i);
+  const LightingPlan plan = {.generated = 60, .lamps_each = 8, .seed = 3};
+  const std::vector<Lighting> all = drawn(Place(scene), plan);
+  ASSERT_EQ(all.size(), kMostStates);
+  EXPECT_EQ(std::ranges::count_if(all, [](const Lighting& l) { return l.own; }), 100);
+  scene.states.assign(kMostStates + 1, {"one", Split::train, {}, 1.0f});
+  EXPECT_THROW(drawn(Place(scene), plan), InputError);
 }
 
 TEST(Lighting, TruthOfADrawnStateIsWhatPathsFind) {

@@ -32,7 +32,8 @@ struct LightingPlan {
 // The scene's states of the split, then generated others. Kinds follow the scene: lamps (at points
 // of the reachable free space far from each other, those of one state too), suns (one a state,
 // directions from which the reachable space can be seen) and the sky alone; a scene without lights
-// of its own gets lamps. No more than kMostStates in all.
+// of its own gets lamps. Fewer are generated where there would be more than kMostStates in all;
+// throws InputError where the scene's own are.
 //
 // What a lamp lights brightly is small, so dozens of lamps one by one leave most of the walls
 // to chance, and layouts fit the places where lamps happened to stand. Lamps that share a state but
