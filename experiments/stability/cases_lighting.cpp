@@ -136,25 +136,30 @@ Measurement albedoOne(Workbench& bench, const CaseVariant& variant) {
 }
 
 Measurement albedoRange(Workbench& bench, const CaseVariant&) {
-  Measurement result = checked(true, "");
-  for (const char* bad :
-       {"[1.5, 0, 0, 1]", "[0, -0.1, 0, 1]", "[0, 0, 1e999, 1]", "[0, NaN, 0, 1]"}) {
+  const auto load = [&](const std::string& factor) {
     TinyGltf gltf;
     gltf.root["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = "FACTOR";
-    const auto load = [&] {
-      std::string text = gltf.root.dump();
-      text.replace(text.find("\"FACTOR\""), 8, bad);
-      text.insert(text.find("\"byteLength\":" + std::to_string(gltf.bin.size())),
-                  "\"uri\":\"tiny.bin\",");
-      writeBytes(bench.folder() / "tiny.bin", gltf.bin);
-      writeBytes(bench.folder() / "tiny.gltf", text);
-      loadScene(bench.folder() / "tiny.gltf");
-    };
-    const Measurement one = refused(load, {"tiny.gltf"});
+    std::string text = gltf.root.dump();
+    text.replace(text.find("\"FACTOR\""), 8, factor);
+    text.insert(text.find("\"byteLength\":" + std::to_string(gltf.bin.size())),
+                "\"uri\":\"tiny.bin\",");
+    writeBytes(bench.folder() / "tiny.bin", gltf.bin);
+    writeBytes(bench.folder() / "tiny.gltf", text);
+    loadScene(bench.folder() / "tiny.gltf");
+  };
+  load("[1, 0, 0.5, 1]");  // the value alone makes the others wrong
+  const std::vector<std::string> named = {"tiny.gltf", "material 'paint'", "baseColorFactor"};
+  for (const char* value : {"1.5", "-0.1"}) {
+    const Measurement one = refused([&] { load(fmt::format("[0, {}, 0, 1]", value)); }, named);
     if (one.verdict != Verdict::holds) return one;
-    result = one;
   }
-  return result;
+  // JSON has neither of them.
+  for (const char* value : {"1e999", "NaN"}) {
+    const Measurement one =
+        refused([&] { load(fmt::format("[0, {}, 0, 1]", value)); }, {"tiny.gltf", "JSON"});
+    if (one.verdict != Verdict::holds) return one;
+  }
+  return checked(true, "4 of 4 refused: 1.5 and -0.1 as baseColorFactor, 1e999 and NaN as no JSON");
 }
 
 // Lamps on a wall, in a corner and at a probe, in the middle.
@@ -284,7 +289,7 @@ std::vector<StabilityCase> lightingCases() {
        "G19", all, albedoOne},
       {"lighting.albedo_range",
        "albedo above 1, below 0, infinite, NaN",
-       "error naming the file",
+       "error naming file, material and member; a file with 0, 0.5 and 1 loads",
        "G20",
        {},
        albedoRange},
