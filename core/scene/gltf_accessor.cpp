@@ -92,6 +92,7 @@ struct Elements {
 // itself was checked against its buffer before parsing.
 Elements elementsIn(const Place& place, int view_index, std::size_t offset, std::size_t count,
                     std::size_t bytes, bool strided) {
+  PROBELAB_CHECK(bytes > 0);
   const tinygltf::BufferView& view = place.gltf.model.bufferViews[view_index];
   const std::size_t stride = strided && view.byteStride != 0 ? view.byteStride : bytes;
   if (stride < bytes) place.fail("has elements of {} bytes at a stride of {}", bytes, stride);

@@ -20,8 +20,9 @@ constexpr int kNormalCells = 5;     // an edge of the octahedral map of normals
 constexpr std::size_t kPoints = 4;  // of a patch
 constexpr int kGatherRays = 64;     // of a patch
 constexpr std::size_t kMaxPatches = 400000;
-constexpr int kMaxBounces = 256;
-constexpr double kSettled = 1e-3;
+constexpr int kMaxSweeps = 256;
+constexpr std::size_t kSweepParts = 8;
+constexpr double kSettled = 1e-3;  // of all light, may be missing
 
 constexpr int kEmitterSamples = 4;  // of a patch's point
 
@@ -200,25 +201,43 @@ void PatchCache::lightPatches() {
 // E = E_delta + pi / rays * sum (emission + sky + albedo / pi E), until nothing changes.
 void PatchCache::settle() {
   const std::size_t states = stateCount();
-  std::vector<float> fixed = irradiance_;  // what does not bounce here
   parallelFor(patches_.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t p = begin; p < end; ++p)
       for (std::size_t c = 0; c < 3; ++c)
         for (std::size_t l = 0; l < states; ++l)
-          fixed[(p * 3 + c) * states + l] +=
+          irradiance_[(p * 3 + c) * states + l] +=
               kPi / kGatherRays *
               (patches_[p].emission[c] + lighting_[l].sky_scale * patches_[p].sky[c]);
   });
-  irradiance_ = fixed;
-  std::vector<float> next(fixed.size());
-  for (int bounce = 0; bounce < kMaxBounces; ++bounce) {
+  const std::vector<float> fixed = irradiance_;  // what does not bounce here
+  double before = 0;
+  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     throwIfInterrupted();
-    parallelFor(patches_.size(), 256, [&](std::size_t begin, std::size_t end) {
+    const auto [change, total] = sweepPatches(fixed);
+    // What is left if changes go on falling like this.
+    const double rate = before > 0 ? change / before : 1;
+    if (change == 0 || (rate < 1 && change * rate <= kSettled * total * (1 - rate))) break;
+    before = change;
+  }
+  links_.clear();
+}
+
+// Gathers at every patch once. Each part of the patches sees what the parts before it have become
+// (Gauss-Seidel), which takes about half of the sweeps and is the same for any number of threads.
+PatchCache::Sweep PatchCache::sweepPatches(std::span<const float> fixed) {
+  const std::size_t states = stateCount(), row = 3 * states;
+  Sweep sweep;
+  std::vector<float> next;
+  for (std::size_t part = 0; part < kSweepParts; ++part) {
+    const std::size_t first = patches_.size() * part / kSweepParts;
+    const std::size_t last = patches_.size() * (part + 1) / kSweepParts;
+    next.assign(fixed.begin() + static_cast<std::ptrdiff_t>(first * row),
+                fixed.begin() + static_cast<std::ptrdiff_t>(last * row));
+    parallelFor(last - first, 64, [&](std::size_t begin, std::size_t end) {
       for (std::size_t p = begin; p < end; ++p) {
-        float* sum = &next[p * 3 * states];
-        std::copy_n(&fixed[p * 3 * states], 3 * states, sum);
-        for (const Link& link : links_[p]) {
-          const float* from = &irradiance_[static_cast<std::size_t>(link.patch) * 3 * states];
+        float* sum = &next[p * row];
+        for (const Link& link : links_[first + p]) {
+          const float* from = &irradiance_[static_cast<std::size_t>(link.patch) * row];
           for (std::size_t c = 0; c < 3; ++c) {
             const float k = link.albedo[c] / kGatherRays;
             for (std::size_t l = 0; l < states; ++l)
@@ -227,15 +246,14 @@ void PatchCache::settle() {
         }
       }
     });
-    double change = 0, total = 0;
     for (std::size_t i = 0; i < next.size(); ++i) {
-      change += std::abs(static_cast<double>(next[i] - irradiance_[i]));
-      total += static_cast<double>(next[i]);
+      float& here = irradiance_[first * row + i];
+      sweep.change += std::abs(static_cast<double>(next[i] - here));
+      sweep.total += static_cast<double>(next[i]);
+      here = next[i];
     }
-    irradiance_.swap(next);
-    if (change <= kSettled * total) break;
   }
-  links_.clear();
+  return sweep;
 }
 
 float PatchCache::pdfOf(const Hit& hit, const Ray& ray, const Surface& surface) const {

@@ -43,8 +43,8 @@
 #define PL_FETCH_IRRADIANCE(probe, texel) Vec3<T>(field.fetchIrradiance(probe, texel))
 #define PL_FETCH_MOMENTS(probe, texel) Vec2<T>(field.fetchMoments(probe, texel))
 #define PL_FETCH_AHEAD(probe, texel) T(field.fetchAhead(probe, texel))
-#define PL_CHEBYSHEV_HALVES -1
-#define PL_DECODE_HALVES -1
+#define PL_CHEBYSHEV_HALVES (-1)
+#define PL_DECODE_HALVES (-1)
 #define PL_HAS_LATTICE 1
 #define PL_HAS_SCATTERED 1
 #else

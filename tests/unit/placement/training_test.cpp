@@ -69,6 +69,16 @@ TEST(Training, AFurnaceIsUniformAndEveryLayoutIsRightInIt) {
   EXPECT_EQ(t.training.evaluations(), 1u);
 }
 
+TEST(Training, BouncesOfBrightWallsSettle) {
+  // E / pi = Le / (1 - albedo); the hundredth bounce still brings 0.6 %.
+  const float albedo = 0.95f;
+  SceneBuilder b;
+  b.box({0, 0, 0}, {3, 3, 3}, b.material(Vec3f(albedo), Vec3f(1 - albedo)), true);
+  b.camera({1.5f, 1.5f, 1.5f}, {2, 1.5f, 1.5f});
+  Trained t(b.finish(), 64);
+  for (const float e : t.training.data().truth) EXPECT_NEAR(e, 1, 2e-3);
+}
+
 TEST(Training, EveryGeneratedLightLightsTheRoom) {
   Trained t(pillarRoom(), 200, 6);
   const Training::Data& data = t.training.data();

@@ -81,6 +81,10 @@ class PatchCache {
   void gather(std::size_t first, std::size_t last, uint64_t seed);
   void lightPatches();
   void settle();
+  struct Sweep {
+    double change = 0, total = 0;  // of irradiance, summed over patches and states
+  };
+  Sweep sweepPatches(std::span<const float> fixed);
 
   const Scene& scene_;
   const EmbreeScene& embree_;
