@@ -155,9 +155,15 @@ std::vector<double> estimateValues(const FrozenState& state, const QueryParams<d
 }
 
 // Flattened (7 times faster): calls between the small functions of the query would take most of its
-// time, since each one copies Jets.
+// time, since each one copies Jets. Not with the sanitizer's checks in every access, which then take
+// the compiler ten minutes and more.
+#ifdef __SANITIZE_ADDRESS__
+#define PROBELAB_FLATTEN
+#else
+#define PROBELAB_FLATTEN [[gnu::flatten]]
+#endif
 template <int N>
-[[gnu::flatten]] Jet<N> estimateWithSlopes(const FieldSnapshot& field,
+PROBELAB_FLATTEN Jet<N> estimateWithSlopes(const FieldSnapshot& field,
                                            const QueryParams<Jet<N>>& params,
                                            const QueryPoint& point) {
   return luminance(querySnapshot<Jet<N>>(field, params, point).irradiance);
