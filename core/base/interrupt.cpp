@@ -23,6 +23,9 @@ void installInterruptHandler() {
   action.sa_handler = onSignal;
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaction(SIGHUP, &action, nullptr);  // not under nohup
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond a limit fails instead
 }
 

@@ -21,13 +21,14 @@ constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInf = std::numeric_limits<float>::infinity();
 
 Measurement nonFiniteVertex(Workbench& bench, const CaseVariant&) {
-  Measurement result = checked(true, "");
-  for (const float bad : {kNan, kInf, -kInf})
-    result = refused(
-        [&] {
-          loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, bad, 0}));
-        },
-        {"mesh 'seat'", "element 2"});
+  const auto load = [&](float y) { loadTiny(bench, TinyGltf({0, 0, 0, 1, 0, 0, 0, y, 0})); };
+  load(1);  // the number alone makes the others wrong
+  Measurement result;
+  for (const float bad : {kNan, kInf, -kInf}) {
+    result = refused([&] { load(bad); }, {"mesh 'seat'", "element 2"});
+    if (result.verdict != Verdict::holds) return result;
+  }
+  result.text = "3 refused; " + result.text;
   return result;
 }
 

@@ -13,6 +13,7 @@
 #include "ddgi/snapshot.h"
 #include "placement/corner_weights.h"
 #include "placement/nearest_probes.h"
+#include "placement/report.h"
 #include "placement/training.h"
 #include "tuning/solve.h"
 
@@ -96,6 +97,75 @@ Measurement partition(Workbench&, const CaseVariant& variant) {
   const Place place;
   return within(constantError(scattered(place, variant.format, randomPlaces(30, 12)), place.params),
                 1e-6, "error");
+}
+
+// What the weights are, not only that they add up: those of the k nearest are their kernel's, and
+// the others' meet in the point itself, up to the rounding of every weight to 1 / 255. Largest
+// distance of the weighted mean of the probes' places from the point, over what rounding may do.
+double meetingError(const ProbeLayout& layout) {
+  double worst = 0;
+  // Corners around them lie well within the probes' hull.
+  for (const QueryPoint& at : randomPoints({Vec3f(0.7f), Vec3f(1.3f)}, 500, 17)) {
+    Vec3d mean;
+    double sum = 0, allowed = 1e-5;
+    for (const CornerWeight& w : weightsAt(layout, at.position)) {
+      const Vec3d away = Vec3d(layout.positions[w.probe]) - Vec3d(at.position);
+      mean += away * static_cast<double>(w.weight);
+      sum += static_cast<double>(w.weight);
+      allowed += length(away) * 0.5 / 255;
+    }
+    worst = larger(worst, length(mean) / sum / allowed);
+  }
+  return worst;
+}
+
+// 216 probes, each somewhere in its cell of a lattice.
+std::vector<Vec3f> jitteredPlaces() {
+  std::vector<Vec3f> positions;
+  Rng rng(18, RngStream::stability);
+  for (int i = 0; i < 216; ++i) {
+    const Vec3f cell(static_cast<float>(i % 6), static_cast<float>(i / 6 % 6),
+                     static_cast<float>(i / 36));
+    const Vec3f jitter(rng.nextFloat(), rng.nextFloat(), rng.nextFloat());
+    positions.push_back(Vec3f(0.1f) + (cell + jitter) * 0.3f);
+  }
+  return positions;
+}
+
+// Largest difference of a corner's normalised weights from (1 - d / r)^2 of the eight nearest, r the
+// ninth's distance.
+double kernelError(const CornerWeights& weights, const Lattice& corners,
+                   const std::vector<Vec3f>& positions) {
+  double worst = 0;
+  for (int corner = 0; corner < corners.pointCount(); ++corner) {
+    std::vector<std::pair<double, uint32_t>> near;
+    for (uint32_t i = 0; i < positions.size(); ++i)
+      near.emplace_back(length(Vec3d(positions[i]) - Vec3d(corners.position(corner))), i);
+    std::sort(near.begin(), near.end());
+    std::vector<double> wanted(positions.size(), 0.0), found = wanted;
+    double wanted_sum = 0, found_sum = 0;
+    for (std::size_t k = 0; k < 8; ++k) {
+      const double left = 1 - near[k].first / near[8].first;
+      wanted_sum += wanted[near[k].second] = left * left;
+    }
+    for (const CornerWeight& w : weights[static_cast<std::size_t>(corner)])
+      found_sum += found[w.probe] = static_cast<double>(w.weight);
+    for (std::size_t i = 0; i < positions.size(); ++i)
+      worst = larger(worst, std::abs(found[i] / found_sum - wanted[i] / wanted_sum));
+  }
+  return worst;
+}
+
+Measurement meanings(Workbench&, const CaseVariant& variant) {
+  const Place place;
+  const std::vector<Vec3f> positions = jitteredPlaces();
+  if (variant.format == "knn") {
+    const Lattice inner = makeLattice({Vec3f(0.3f), Vec3f(1.7f)}, Vec3i(5, 5, 5));
+    return within(kernelError(weightsOf("knn", inner, positions, place.space), inner, positions),
+                  1e-5, "weights off by");
+  }
+  return within(meetingError(scattered(place, variant.format, positions)), 1,
+                "of what rounding may do:");
 }
 
 // Coplanar, collinear, three, one, and probes that all but coincide.
@@ -228,9 +298,15 @@ Measurement tuningEnds(Workbench&, const CaseVariant& variant) {
 std::vector<StabilityCase> placementCases() {
   return {
       {"placement.partition", "30 scattered probes that hold the same light",
-       "the same answer everywhere within 1e-6", "", interpolants(), partition},
+       "no place without an answer: the same everywhere within 1e-6", "", interpolants(),
+       partition},
+      {"placement.weights", "216 probes, each somewhere in its cell of a lattice",
+       "knn: (1 - d / r)^2 of the eight nearest within 1e-5; others: the weighted mean of the "
+       "probes' places is the point, within half a 255th a weight",
+       "", interpolants(), meanings},
       {"placement.degenerate", "probes in a plane, a line, three, one, twins, a lattice",
-       "the same answer everywhere within 1e-6", "", interpolants(), degenerate},
+       "no place without an answer: the same everywhere within 1e-6", "", interpolants(),
+       degenerate},
       {"placement.nearest_ties",
        "eight probes as near as each other, four asked for",
        "the first four by index, equal weights above 0",

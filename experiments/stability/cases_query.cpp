@@ -167,7 +167,8 @@ Measurement cellFaces(Workbench& bench, const CaseVariant& variant) {
 }
 
 Measurement tinyWeights(Workbench& bench, const CaseVariant& variant) {
-  const Params params = variant.format == "plain" ? plainInterpolation() : exactParams("rtxgi");
+  const Params params =
+      variant.format == "plain" ? plainInterpolation() : exactParams(variant.format);
   const double jump = largestJump(bench, true, params);
   if (jump <= 1e-5) return within(jump, 1e-5, "jump");
   return limitAt(jump, fmt::format("jumps of {:.2g} beside the pillar", jump));
@@ -238,10 +239,10 @@ std::vector<StabilityCase> queryCases() {
        {{"", "plain"}, {"", "rtxgi"}, {"", "probelab"}},
        cellFaces},
       {"query.tiny_weights",
-       "cell faces behind a pillar, weights below 1e-6",
+       "cell faces behind a pillar, where probes lose all but their floor",
        "no jump above 1e-5 of the largest E",
        "P23",
-       {{"", "plain"}, {"", "rtxgi"}},
+       {{"", "plain"}, {"", "rtxgi"}, {"", "majercik2021"}, {"", "probelab"}},
        tinyWeights},
       {"query.corners", "receivers on edges and in corners",
        "E = pi Le / (1 - albedo) within 2e-4; reference 5 sigma to 1 nm from the edge", "",

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "hostile_files.h"
 
+#include <fmt/format.h>
+
 #include <bit>
 #include <fstream>
 
+#include "base/error.h"
 #include "scene/load.h"
 
 namespace probelab {
@@ -59,7 +62,10 @@ std::string TinyGltf::glb() const {
 }
 
 void writeBytes(const std::filesystem::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
+  std::ofstream file(path, std::ios::binary);
+  file << bytes;
+  file.close();
+  if (!file) throw Error(fmt::format("{}: cannot be written; set TMPDIR", path.string()));
 }
 
 Scene loadTiny(Workbench& bench, const TinyGltf& gltf) {

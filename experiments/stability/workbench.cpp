@@ -35,7 +35,10 @@ Verdict worse(Verdict a, Verdict b) { return std::max(a, b); }
 }  // namespace
 
 Workbench::Workbench(GpuContext& gpu) : gpu_(gpu) {
-  std::string pattern = (fs::temp_directory_path() / "probelab_stability_XXXXXX").string();
+  const char* temporary = std::getenv("TMPDIR");
+  std::string pattern = (fs::path(temporary != nullptr && *temporary != '\0' ? temporary : "/tmp") /
+                         "probelab_stability_XXXXXX")
+                            .string();
   if (mkdtemp(pattern.data()) == nullptr)
     throw Error(fmt::format("{}: cannot create a temporary folder; set TMPDIR", pattern));
   folder_ = pattern;

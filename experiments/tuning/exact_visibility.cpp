@@ -18,11 +18,8 @@ const Vec2d kHidden(0, 0);
 struct ExactView : FieldView {
   const EmbreeScene& embree;
   const QueryPoint& point;
-  mutable int traced = -1;  // probe
-  mutable Vec2d answer;
-
-  ExactView(const FieldSnapshot& snapshot, const EmbreeScene& scene, const QueryPoint& at)
-      : FieldView{snapshot}, embree(scene), point(at) {}
+  mutable int traced = -1;    // probe
+  mutable Vec2d answer = {};  // of that one
 
   Vec2d fetchMoments(int probe, int) const {
     if (probe != traced) answer = seesProbe(embree, point, fetchPosition(probe)) ? kSeen : kHidden;
@@ -54,7 +51,7 @@ std::vector<Vec3f> queryExactVisibility(const FieldSnapshot& field, const Params
   parallelFor(points.size(), 64, [&](std::size_t begin, std::size_t end) {
     const FlushDenormals flush;
     for (std::size_t i = begin; i < end; ++i) {
-      const ExactView view(field, embree, points[i]);
+      const ExactView view{{field}, embree, points[i]};
       results[i] = Vec3f(queryView(view, query, modes, points[i]).irradiance);
     }
   });

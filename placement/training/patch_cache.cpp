@@ -20,9 +20,10 @@ constexpr int kNormalCells = 5;     // an edge of the octahedral map of normals
 constexpr std::size_t kPoints = 4;  // of a patch
 constexpr int kGatherRays = 64;     // of a patch
 constexpr std::size_t kMaxPatches = 400000;
-constexpr int kMaxSweeps = 256;
+constexpr int kTrialSweeps = 64;   // then it is told whether light will settle at all,
+constexpr int kMostSweeps = 4096;  // in so many
 constexpr std::size_t kSweepParts = 8;
-constexpr double kSettled = 1e-3;  // of all light, may be missing
+constexpr double kSettled = 1e-3;  // of a state's light, may be missing
 
 constexpr int kEmitterSamples = 4;  // of a patch's point
 
@@ -210,14 +211,24 @@ void PatchCache::settle() {
               (patches_[p].emission[c] + lighting_[l].sky_scale * patches_[p].sky[c]);
   });
   const std::vector<float> fixed = irradiance_;  // what does not bounce here
-  double before = 0;
-  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
+  std::vector<double> before(states, 0.0);
+  std::vector<uint8_t> settled(states, 0);
+  for (int sweep = 1; std::ranges::count(settled, 0) > 0; ++sweep) {
     throwIfInterrupted();
-    const auto [change, total] = sweepPatches(fixed);
-    // What is left if changes go on falling like this.
-    const double rate = before > 0 ? change / before : 1;
-    if (change == 0 || (rate < 1 && change * rate <= kSettled * total * (1 - rate))) break;
-    before = change;
+    const Sweep done = sweepPatches(fixed);
+    for (std::size_t l = 0; l < states; ++l) {
+      // What is left of this state if its changes go on falling like this.
+      const double rate = before[l] > 0 ? done.change[l] / before[l] : 1;
+      const double left = rate < 1 ? done.change[l] * rate / (1 - rate) : INFINITY;
+      if (done.change[l] == 0 || left <= kSettled * done.total[l]) settled[l] = 1;
+      const double at_last = left * std::pow(rate, kMostSweeps - sweep);
+      if (!settled[l] && sweep >= kTrialSweeps && !(at_last <= kSettled * done.total[l]))
+        throwInput(
+            "{}: light bounces almost without end between its surfaces, which takes {} sweeps and "
+            "more; lower the albedos that are near to 1",
+            scene_.path, kMostSweeps);
+    }
+    before = done.change;
   }
   links_.clear();
 }
@@ -226,7 +237,7 @@ void PatchCache::settle() {
 // (Gauss-Seidel), which takes about half of the sweeps and is the same for any number of threads.
 PatchCache::Sweep PatchCache::sweepPatches(std::span<const float> fixed) {
   const std::size_t states = stateCount(), row = 3 * states;
-  Sweep sweep;
+  Sweep sweep{std::vector<double>(states), std::vector<double>(states)};
   std::vector<float> next;
   for (std::size_t part = 0; part < kSweepParts; ++part) {
     const std::size_t first = patches_.size() * part / kSweepParts;
@@ -246,12 +257,13 @@ PatchCache::Sweep PatchCache::sweepPatches(std::span<const float> fixed) {
         }
       }
     });
-    for (std::size_t i = 0; i < next.size(); ++i) {
-      float& here = irradiance_[first * row + i];
-      sweep.change += std::abs(static_cast<double>(next[i] - here));
-      sweep.total += static_cast<double>(next[i]);
-      here = next[i];
-    }
+    for (std::size_t i = 0; i < next.size(); i += states)
+      for (std::size_t l = 0; l < states; ++l) {
+        float& here = irradiance_[first * row + i + l];
+        sweep.change[l] += std::abs(static_cast<double>(next[i + l] - here));
+        sweep.total[l] += static_cast<double>(next[i + l]);
+        here = next[i + l];
+      }
   }
   return sweep;
 }

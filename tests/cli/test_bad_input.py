@@ -165,7 +165,7 @@ class BadOutputs(CliTest):
 class Interrupts(CliTest):
     def test_leaves_nothing_behind(self):
         write_glb(self.folder / "room.glb", emission=(1.0, 1.0, 1.0))
-        for signal_number in (signal.SIGINT, signal.SIGTERM):
+        for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             with self.subTest(signal=signal_number):
                 process = subprocess.Popen(
                     [PROGRAM, "reference", "room.glb", "-o", "r.exr", "--seconds", "600"],

@@ -59,8 +59,11 @@ TEST(LongRunNumbers, TellMemoryThatGrowsAfterTheFirstTenth) {
   for (int b = 0; b < 5; ++b) run.batches[b].rss_mib = 90 + b;  // while it starts
   for (int b = 4; b < kBatches; ++b) run.batches[b].rss_mib = 94;
   EXPECT_EQ(longNumbers(run).grown_mib, 0);
-  run.batches[30].rss_mib = 96;  // and falls back
-  EXPECT_EQ(longNumbers(run).grown_mib, 2);
+  run.batches[30].rss_mib = 95;  // a pool, and falls back
+  EXPECT_EQ(longNumbers(run).grown_mib, 1);
+  EXPECT_EQ(failing(run), std::vector<std::string>());
+  run.batches[40].rss_mib = 97;
+  EXPECT_EQ(longNumbers(run).grown_mib, 3);
   EXPECT_EQ(failing(run), std::vector<std::string>{"long.memory"});
 }
 

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
 #include "placement/maxent.h"
 #include "placement/pool.h"
 #include "placement/subset_model.h"
@@ -69,14 +70,49 @@ TEST(Training, AFurnaceIsUniformAndEveryLayoutIsRightInIt) {
   EXPECT_EQ(t.training.evaluations(), 1u);
 }
 
+Scene glowingBox(float albedo, float radiance) {
+  SceneBuilder b;
+  b.box({0, 0, 0}, {3, 3, 3}, b.material(Vec3f(albedo), Vec3f(radiance)), true);
+  b.camera({1.5f, 1.5f, 1.5f}, {2, 1.5f, 1.5f});
+  return b.finish();
+}
+
 TEST(Training, BouncesOfBrightWallsSettle) {
   // E / pi = Le / (1 - albedo); the hundredth bounce still brings 0.6 %.
-  const float albedo = 0.95f;
-  SceneBuilder b;
-  b.box({0, 0, 0}, {3, 3, 3}, b.material(Vec3f(albedo), Vec3f(1 - albedo)), true);
-  b.camera({1.5f, 1.5f, 1.5f}, {2, 1.5f, 1.5f});
-  Trained t(b.finish(), 64);
+  Trained t(glowingBox(0.95f, 0.05f), 64);
   for (const float e : t.training.data().truth) EXPECT_NEAR(e, 1, 2e-3);
+}
+
+TEST(Training, BouncesWithoutEndAreAnError) {
+  Trained t(glowingBox(1, 1), 8);
+  EXPECT_THROW(t.training.data(), InputError);
+}
+
+// The mean of the first state: a lamp of 1 cd in a bright room, with another in the dark one beside
+// it switched off; in the second that one has `other_cd` and the first is off.
+double dimMean(float other_cd) {
+  SceneBuilder b;
+  b.box({-3.05f, 0, 0}, {-0.05f, 3, 3}, b.material(Vec3f(0.9f)), true);
+  b.box({0.05f, 0, 0}, {3.05f, 3, 3}, b.material(Vec3f(0.05f)), true);
+  b.pointLight({-1.5f, 2, 1.5f}, Vec3f(1));
+  b.pointLight({1.5f, 2, 1.5f}, Vec3f(1));
+  b.camera({-1, 1, 1}, {-2, 1, 2});
+  b.camera({1, 1, 1}, {2, 1, 2});
+  Scene scene = b.finish();
+  scene.lights[0].name = "west", scene.lights[1].name = "east";
+  const auto state = [](const char* name, float west, float east) {
+    return LightingState{
+        name, Split::train, {{.light = "west", .intensity = west}, {.light = "east", .intensity = east}}};
+  };
+  scene.states = {state("dim", 1, 0), state("bright", 0, other_cd)};
+  Trained t(std::move(scene), 200);
+  return t.training.data().mean.front();
+}
+
+TEST(Training, ADimStateSettlesBesideABrightOne) {
+  const double alone = dimMean(0);
+  EXPECT_GT(alone, 0);
+  EXPECT_NEAR(dimMean(1e5f) / alone, 1, 2e-3);
 }
 
 TEST(Training, EveryGeneratedLightLightsTheRoom) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// SIGINT and SIGTERM. Long loops call throwIfInterrupted() between pieces of work, so that what is
-// already computed can be kept. The flag is the one piece of process-wide state, since a signal
-// handler can reach nothing else.
+// SIGINT, SIGTERM and SIGHUP. Long loops call throwIfInterrupted() between pieces of work, so that
+// what is already computed can be kept. The flag is the one piece of process-wide state, since a
+// signal handler can reach nothing else.
 #pragma once
 
 #include <functional>

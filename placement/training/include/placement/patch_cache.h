@@ -82,7 +82,7 @@ class PatchCache {
   void lightPatches();
   void settle();
   struct Sweep {
-    double change = 0, total = 0;  // of irradiance, summed over patches and states
+    std::vector<double> change, total;  // [state] of irradiance, summed over patches
   };
   Sweep sweepPatches(std::span<const float> fixed);
 
