@@ -19,7 +19,7 @@ import statistics
 import subprocess
 import sys
 
-from whole_output import run_main, whole_folder
+from whole_output import InputError, naming, object_of, run_main, whole_folder
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 SCENES = ("cornell", "sun_room", "two_rooms_door")
@@ -27,20 +27,34 @@ SCENES = ("cornell", "sun_room", "two_rooms_door")
 OPTIONS = ["--params", "probelab", "--probes", "48", "--rays", "16", "--count", "128",
            "--rel-error", "0.1", "--tracer", "embree"]
 BATCH = ("updates", "mean", "distance", "nrmse", "frozen", "update_ms", "slowest_ms", "rss_mib")
-CASE = ("scene", "probes", "rays", "updates", "id", "verdict", "expectation", "measured")
+SETTINGS = ("probes", "rays", "updates")
+JUDGEMENT = ("id", "verdict", "expectation", "measured")
 
 
 def say(text):
     print(f"long_runs: {text}", file=sys.stderr, flush=True)
 
 
+def is_whole(result):
+    """Whether it has all that is published of it."""
+    try:
+        numbers = [b[k] for b in result["batches"] for k in BATCH]
+        texts = [c[k] for c in result["cases"] for k in JUDGEMENT]
+        numbers_of(result)
+        return (bool(numbers and texts) and isinstance(result["provenance"], dict)
+                and "hysteresis" in result and all(isinstance(t, str) for t in texts)
+                and all(n is None or isinstance(n, (int, float)) for n in numbers))
+    except (LookupError, TypeError, ValueError):
+        return False
+
+
 def parsed(path):
     """What is kept there; None if nothing is, or it is damaged."""
     try:
-        result = json.loads(path.read_text())
-        return result if result["long_run"] and result["batches"] else None
-    except (OSError, ValueError, LookupError, TypeError):
+        result = object_of(path.read_text(), path)
+    except (OSError, ValueError, InputError):
         return None
+    return result if is_whole(result) else None
 
 
 def result_of(program, scene, updates, runs):
@@ -56,12 +70,21 @@ def result_of(program, scene, updates, runs):
                               check=False)
         if done.returncode not in (0, 3):
             sys.exit(done.returncode)
-        runs.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(".tmp")
-        temporary.write_text(done.stdout)
-        temporary.rename(path)
-        kept = json.loads(done.stdout)
+        kept = object_of(done.stdout, f"{program} stability")
+        if not is_whole(kept):
+            raise InputError(f"{program}: not what 'probelab {' '.join(words)}' prints")
+        with whole_folder(runs) as folder:
+            (folder / path.name).write_text(done.stdout)
     return kept
+
+
+def numbers_of(result):
+    """Of a whole run, for the manifest."""
+    return {**result["long_run"], **{k: result[k] for k in ("updates", "probes", "rays", "receivers")},
+            # Not of the clock: a process may have been stopped in between.
+            "update_ms": statistics.median(b["update_ms"] for b in result["batches"]),
+            "rss_mib": result["batches"][-1]["rss_mib"],
+            "fails": sum(c["verdict"] == "fails" for c in result["cases"])}
 
 
 def number(value):
@@ -79,18 +102,11 @@ def publish(results, folder):
     write_csv(folder / "rows.csv", ("scene", *BATCH),
               [{"scene": scene, **{k: b[k] for k in BATCH}} for scene, r in results.items()
                for b in r["batches"]])
-    write_csv(folder / "cases.csv", CASE,
-              [{"scene": scene, **{k: r[k] for k in ("probes", "rays", "updates")},
-                **{k: c[k] for k in CASE if k in c}} for scene, r in results.items()
-               for c in r["cases"]])
+    write_csv(folder / "cases.csv", ("scene", *SETTINGS, *JUDGEMENT),
+              [{"scene": scene, **{k: r[k] for k in SETTINGS}, **{k: c[k] for k in JUDGEMENT}}
+               for scene, r in results.items() for c in r["cases"]])
     first = next(iter(results.values()))
-    numbers = {scene: {**r["long_run"], "updates": r["updates"], "probes": r["probes"],
-                       "rays": r["rays"], "receivers": r["receivers"],
-                       # Not of the clock: a process may have been stopped in between.
-                       "update_ms": statistics.median(b["update_ms"] for b in r["batches"]),
-                       "rss_mib": r["batches"][-1]["rss_mib"],
-                       "fails": sum(c["verdict"] == "fails" for c in r["cases"])}
-               for scene, r in results.items()}
+    numbers = {scene: numbers_of(r) for scene, r in results.items()}
     manifest = {"study": "long_runs", "command": "scripts/long_runs.py", "options": OPTIONS,
                 "hysteresis": first["hysteresis"], "scenes": numbers,
                 **{k: first["provenance"][k] for k in ("device", "driver", "tracer", "version",
@@ -119,9 +135,10 @@ def main():
                for scene in options.scenes.split(",")}
     with whole_folder(options.output) as folder:
         publish(results, folder)
-    for scene, result in results.items():
-        for case in result["cases"]:
-            print(f"{scene:16} {case['id']:16} {case['verdict']:6} {case['measured']}")
+    with naming("stdout"):
+        for scene, result in results.items():
+            for case in result["cases"]:
+                print(f"{scene:16} {case['id']:16} {case['verdict']:6} {case['measured']}")
     sys.exit(3 if any(c["verdict"] == "fails" for r in results.values() for c in r["cases"]) else 0)
 
 

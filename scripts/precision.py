@@ -16,7 +16,7 @@ import json
 import pathlib
 import sys
 
-from whole_output import printed, run_main, whole_folder
+from whole_output import naming, printed, run_main, whole_folder
 
 sys.dont_write_bytecode = True
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -153,13 +153,13 @@ def main():
     options = parser.parse_args()
     if not options.no_figure:
         import matplotlib  # noqa: F401: before the minutes that the curves take
-    result = printed(options.program, COMMAND[1:], {"curves": list, "provenance": dict},
-                     options.rows)
+    result = printed(options.program, COMMAND[1:], {"curves": list}, options.rows)
     with whole_folder(options.output) as folder:
         publish(result, folder)
         if not options.no_figure:
             draw(result, folder)
-    print(options.output)
+    with naming("stdout"):
+        print(options.output)
 
 
 if __name__ == "__main__":

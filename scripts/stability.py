@@ -42,8 +42,7 @@ def main():
     parser.add_argument("-o", "--output", default=ROOT / "results/published/stability",
                         type=pathlib.Path, help="folder (default: results/published/stability)")
     options = parser.parse_args()
-    result = printed(options.program, COMMAND[1:], {"cases": list, "provenance": dict},
-                     options.rows, codes=(0, 3))
+    result = printed(options.program, COMMAND[1:], {"cases": list}, options.rows, codes=(0, 3))
     with whole_folder(options.output) as folder:
         counts = publish(result, folder)
     print(f"{counts['holds']} hold, {counts['limit']} limits, {counts['fails']} fail",

@@ -5,11 +5,17 @@ import contextlib
 import json
 import os
 import pathlib
+import shlex
 import subprocess
 import sys
 import tempfile
 
 from children import terminate_as_interrupt
+
+
+# Options of the program that leave nothing out, with how many values each takes.
+HARMLESS = {"--quiet": 0, "--validation": 0, "--threads": 1, "--cache": 1, "--device": 1,
+            "--seed": 1, "--require": 1}
 
 
 class InputError(Exception):
@@ -24,6 +30,17 @@ def no_matplotlib(error):
 def of_system(error):
     """What an OSError says, beginning with the file where there is one."""
     return f"{error.filename}: {error.strerror}" if error.filename else str(error)
+
+
+@contextlib.contextmanager
+def naming(file):
+    """What the system says of a write, on a full disk for one, names no file: then it is this."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None and error.strerror:
+            error.filename = str(file)
+        raise
 
 
 def first_paragraph(text):
@@ -50,8 +67,24 @@ def read_object(path):
         raise InputError(f"{path}: no text: {error}") from error
 
 
+def refuse_part(result, words, source):
+    """A run that was interrupted, or of another command than `probelab WORDS`, is no whole one."""
+    if result["interrupted"]:
+        raise InputError(f"{source}: interrupted: these are not all results")
+    command = result["provenance"].get("command")
+    left, own = iter(shlex.split(str(command))[1:]), []
+    for word in left:
+        name, has_value, _ = word.partition("=")
+        if name not in HARMLESS:
+            own.append(word)
+        elif HARMLESS[name] and not has_value:
+            next(left, None)
+    if sorted(own) != sorted(words):
+        raise InputError(f"{source}: of '{command}', not of 'probelab {' '.join(words)}'")
+
+
 def printed(program, words, members, file=None, codes=(0,)):
-    """What `PROGRAM WORDS` prints, with these {name: type}; not run where a file has it."""
+    """What `PROGRAM WORDS` prints, whole, with these {name: type}; not run where a file has it."""
     if file:
         result = read_object(file)
     else:
@@ -59,10 +92,11 @@ def printed(program, words, members, file=None, codes=(0,)):
         if done.returncode not in codes:
             sys.exit(done.returncode if done.returncode > 0 else 1)
         result = object_of(done.stdout, f"{program} {words[0]}")
-    for name, kind in members.items():
-        if not isinstance(result.get(name), kind):
+    for name, kind in {**members, "provenance": dict, "interrupted": bool}.items():
+        if not isinstance(result.get(name), kind) or result[name] == []:
             raise InputError(f"{file or program}: not what 'probelab {' '.join(words)}' prints: "
                              f"it lacks '{name}'")
+    refuse_part(result, words, file or program)
     return result
 
 
@@ -70,21 +104,36 @@ def printed(program, words, members, file=None, codes=(0,)):
 def whole_folder(folder):
     """A folder to write to; its files get into `folder` when nothing has failed."""
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".", dir=folder) as name:
+    with naming(folder), tempfile.TemporaryDirectory(prefix=".", dir=folder) as name:
         yield pathlib.Path(name)
         for path in sorted(pathlib.Path(name).iterdir()):
             os.replace(path, folder / path.name)
 
 
-def run_main(main):
-    """Calls main; what a user can mend is one line and exit code 2. SIGTERM or Ctrl-C ends it and
-    the command that it runs: 130."""
+def flush():
+    """What is still to be printed."""
+    try:
+        with naming("stdout"):
+            if sys.stdout:  # None where the caller closed it
+                sys.stdout.flush()
+    except OSError:
+        # Python flushes once more when it ends, and would say that this fails too.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise
+
+
+def run_main(main, interrupted="nothing was written"):
+    """Calls main, which may return an exit code; what a user can mend is one line and exit code 2.
+    SIGTERM or Ctrl-C ends it and the command that it runs: 130."""
     terminate_as_interrupt()
     name = pathlib.Path(sys.argv[0]).stem
     try:
-        main()
+        try:
+            sys.exit(main())
+        finally:
+            flush()
     except KeyboardInterrupt:
-        print(f"{name}: interrupted; nothing was written", file=sys.stderr)
+        print(f"{name}: interrupted; {interrupted}", file=sys.stderr)
         sys.exit(130)
     except InputError as error:
         text = error
@@ -94,7 +143,5 @@ def run_main(main):
         text = of_system(error)
     except (ValueError, LookupError, TypeError, AttributeError) as error:
         text = f"the results are not what the command prints: {type(error).__name__}: {error}"
-    else:
-        return
     print(f"{name}: {text}", file=sys.stderr)
     sys.exit(2)

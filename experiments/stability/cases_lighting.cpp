@@ -281,7 +281,7 @@ std::vector<StabilityCase> lightingCases() {
        albedoZero},
       {"lighting.albedo_999", "albedo 0.999",
        "Le (1 - rho^n) / (1 - rho) after n = 200 bounces, 3 deviations of 40 roundings each; "
-       "reference L = 1000, 5 sigma",
+       "reference L = 1000, 5 sigma of some 2.6 %",
        "G18", all, albedoNearOne},
       {"lighting.albedo_1", "albedo 1, the series has no end",
        "ends, not settled: E = pi n after n bounces, roundings as above; reference: its paths' "

@@ -5,6 +5,7 @@ import csv
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -294,6 +295,7 @@ class PipelineReport(unittest.TestCase):
 class Precision(CliTest):
     def test_rows_and_breaking_points_are_those_of_the_curves(self):
         result = self.run_json("stability", "--curves", "--case", "wall.classic")
+        result["provenance"]["command"] = "probelab stability --curves --json"  # as if it were all
         (self.folder / "rows.json").write_text(json.dumps(result))
         subprocess.run([sys.executable, SCRIPTS / "precision.py", "--rows", self.folder / "rows.json",
                         "--no-figure", "-o", self.folder / "out"], check=True, capture_output=True)
@@ -331,6 +333,91 @@ class LongRuns(CliTest):
         again = self.long_runs()
         self.assertEqual((again.returncode, again.stdout), (first.returncode, first.stdout))
         self.assertEqual(again.stderr, "")
+
+    def test_a_damaged_kept_result_is_run_again(self):
+        batch = dict.fromkeys(("updates", "mean", "distance", "nrmse", "frozen", "update_ms",
+                               "slowest_ms", "rss_mib"), 1.5)
+        case = {"id": "long.drift", "verdict": "holds", "expectation": "none", "measured": "0"}
+        whole = {"long_run": {"noise": 1}, "batches": [batch], "cases": [case], "provenance": {},
+                 "hysteresis": 0.97, "updates": 1, "probes": 1, "rays": 1, "receivers": 1}
+        stub = self.folder / "stub"
+        stub.write_text(f"#!/bin/sh\necho x >> {self.folder}/calls\n"
+                        f"cat <<'EOF'\n{json.dumps(whole)}\nEOF\n")
+        stub.chmod(0o755)
+        command = [sys.executable, SCRIPTS / "long_runs.py", "--program", stub, "--scenes",
+                   "cornell", "--runs", self.folder / "runs", "-o", self.folder / "out"]
+        subprocess.run(command, check=True, capture_output=True)
+        [kept] = (self.folder / "runs").iterdir()
+        damaged = [{**whole, **change} for change in (
+            {"long_run": 3}, {"batches": 3}, {"batches": [3]}, {"batches": []}, {"cases": None},
+            {"batches": [{**batch, "update_ms": "x"}]}, {"batches": [{**batch, "mean": []}]},
+            {"cases": [{**case, "id": []}]}, {"cases": [3]}, {"provenance": []})]
+        damaged += [[], {k: v for k, v in whole.items() if k != "receivers"}]
+        for i, result in enumerate(damaged):
+            with self.subTest(kept=result):
+                kept.write_text(json.dumps(result))
+                done = subprocess.run(command, capture_output=True, text=True)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertEqual(json.loads(kept.read_text()), whole)
+                self.assertEqual((self.folder / "calls").read_text(), "x\n" * (i + 2))
+
+
+# In place of clang-tidy: what it would print, and how it would end.
+TIDY = {
+    "ok": "exit 0",
+    "warning": "echo \"$PWD/core/a.cpp:1:1: warning: odd [bugprone-odd]\"",
+    "error": "echo \"$PWD/core/a.cpp:1:1: error: no such type [clang-diagnostic-error]\"; exit 1",
+    "crash": "kill -SEGV $$",
+    "crash in a wrapper": "exit 139",
+    "fatal": "exit 255",
+}
+
+
+class Analyse(CliTest):
+    def setUp(self):
+        super().setUp()
+        for name in ("scripts", "core", "bin"):
+            (self.folder / name).mkdir()
+        shutil.copy(SCRIPTS / "analyse", self.folder / "scripts/analyse")
+        (self.folder / "core/a.cpp").write_text("")
+        self.stub("cmake", "exit 0")
+        self.stub("git", "echo core/a.cpp")
+
+    def stub(self, name, text):
+        path = self.folder / "bin" / name
+        path.write_text(f"#!/bin/sh\n{text}\n")
+        path.chmod(0o755)
+
+    def tidy(self, *options):
+        return subprocess.run(
+            [self.folder / "scripts/analyse", "--only", "tidy", *options], capture_output=True,
+            text=True, env=dict(os.environ, PATH=f"{self.folder}/bin:{os.environ['PATH']}"))
+
+    def test_a_clang_tidy_that_did_not_run_is_a_finding(self):
+        for name, code, says in (("ok", 0, "ok: no warning"), ("warning", 1, "1 warnings"),
+                                 ("error", 1, "1 FAILED to parse"),
+                                 ("crash", 1, "FAILED: clang-tidy did not run"),
+                                 ("crash in a wrapper", 1, "FAILED: clang-tidy did not run"),
+                                 ("fatal", 1, "FAILED: clang-tidy did not run")):
+            with self.subTest(clang_tidy=name):
+                self.stub("clang-tidy", TIDY[name])
+                done = self.tidy()
+                self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+                self.assertRegex(done.stdout.splitlines()[-1], f"^tidy +1 sources +{says}")
+
+    def test_no_source_that_matches_is_a_finding(self):
+        self.stub("clang-tidy", TIDY["ok"])
+        done = self.tidy("--files", "nosuchfile")
+        self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
+        self.assertIn("FAILED: none", done.stdout)
+        self.assertEqual(self.tidy("--files", "a[.]cpp").returncode, 0)
+
+    def test_what_is_no_regular_expression_is_refused_first(self):
+        for pattern in ("(", "[", ""):
+            done = self.tidy("--files", pattern)
+            self.assertEqual((done.returncode, done.stdout), (2, ""), done.stderr)
+            self.assertRegex(done.stderr, r"^analyse: --files takes a regular expression.*\n$")
+        self.assertFalse((self.folder / "results").exists())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """probelab stability: names of cases, the JSON's fields, a user's own scene."""
 import json
+import resource
 import signal
 import subprocess
 import sys
@@ -162,6 +163,70 @@ class Scripts(CliTest):
             self.assertRegex(done.stderr, r"^precision: .+\n$")
             self.assertEqual((self.folder / "rows.csv").read_text(), "published\n")
             self.assertFalse((self.folder / "manifest.json").exists())
+
+
+    def test_what_is_not_the_whole_run_is_refused(self):
+        case = {"id": "files.missing", "verdict": "holds"}
+        curve = {"id": "wall.classic", "curve": "c", "tracer": "embree", "axis": "x",
+                 "measure": "m", "bound": 1, "easy": 0, "breaks_below": None, "breaks_above": None,
+                 "points": [{"x": 1, "error": 0}]}
+        # Members of the one and of the other, so that the command line alone tells them apart.
+        whole = {"cases": [case], "curves": [curve], "interrupted": False, "seconds": 1.5,
+                 "device": "d", "version": "v"}
+        suite, curves = "probelab stability --json", "probelab stability --curves --json"
+        for script, command, parts in (
+                ("stability", suite, (f"{suite} --case files", f"{suite} --tracer=embree",
+                                      "probelab stability 'my room.toml' --json", curves)),
+                ("precision", curves, (f"{curves} --case wall", suite,
+                                       f"{curves} --tracer embree"))):
+            for result in (*({"provenance": {"command": part}} for part in parts),
+                           {"provenance": {}}, {"provenance": {"command": command}, "cases": [],
+                                                "curves": []},
+                           {"provenance": {"command": command}, "interrupted": None},
+                           {"provenance": {"command": command}, "interrupted": True}):
+                with self.subTest(script=script, result=result):
+                    done = self.publish(script, {**whole, **result})
+                    self.assertEqual(done.returncode, 2, done.stderr)
+                    self.assertRegex(done.stderr, rf"^{script}: .*rows\.json: .+\n$")
+                    self.assertFalse((self.folder / "out").exists())
+            harmless = f"{command} --quiet --threads 1 --cache=/tmp/x --seed 2"
+            done = self.publish(script, {**whole, "provenance": {"command": harmless}})
+            self.assertEqual(done.returncode, 0, done.stderr)
+            (self.folder / "out").rename(self.folder / f"of_{script}")
+
+    def publish(self, script, result):
+        (self.folder / "rows.json").write_text(json.dumps(result))
+        return subprocess.run(
+            [sys.executable, "-B", SOURCE / f"scripts/{script}.py", "--rows",
+             self.folder / "rows.json", "-o", self.folder / "out",
+             *["--no-figure"][:script == "precision"]], capture_output=True, text=True)
+
+    def test_what_they_run_themselves_must_be_whole_too(self):
+        stub = self.folder / "stub"
+        stub.write_text("#!/bin/sh\necho '{\"cases\": [{\"verdict\": \"holds\"}], \"seconds\": 1,"
+                        "\"interrupted\": true, \"provenance\": {\"command\": \"probelab stability "
+                        "--json\"}}'\n")
+        stub.chmod(0o755)
+        done = subprocess.run([sys.executable, "-B", SOURCE / "scripts/stability.py", "--program",
+                               stub, "-o", self.folder / "out"], capture_output=True, text=True)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertRegex(done.stderr, r"^stability: .*stub: interrupted.*\n$")
+        self.assertFalse((self.folder / "out").exists())
+
+    def test_a_full_disk_is_named(self):
+        def no_space():  # as a full disk, this fails the write and names no file
+            resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+
+        (self.folder / "rows.json").write_text(json.dumps(
+            {"cases": [{"id": "a", "verdict": "holds"}], "interrupted": False, "seconds": 1,
+             "provenance": {"command": "probelab stability --json"}}))
+        done = subprocess.run(
+            [sys.executable, "-B", SOURCE / "scripts/stability.py", "--rows",
+             self.folder / "rows.json", "-o", self.folder / "out"], capture_output=True, text=True,
+            preexec_fn=no_space)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertRegex(done.stderr, rf"^stability: {self.folder}/out: File too large\n$")
+        self.assertEqual(list((self.folder / "out").iterdir()), [])
 
 
 if __name__ == "__main__":
