@@ -105,7 +105,10 @@ class SceneSuite {
 
 double SceneSuite::nrmseOf(const std::vector<Vec3f>& estimates) const {
   const std::optional<double> nrmse = scoreEstimates(estimates, truth_, ScoredSplit::all).all.nrmse;
-  if (!nrmse) throwInput("{}: no receiver gets light, so nrmse is undefined", setup_.scene.path);
+  if (!nrmse) throwInput(
+        "{}: no receiver gets light, so nrmse is undefined; add a light (`probelab init` writes a "
+        "scene TOML) or choose a lit --state",
+        setup_.scene.path);
   return *nrmse;
 }
 

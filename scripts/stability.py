@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs the hard-case suite and publishes its rows. Standard library only.
 
-  scripts/stability.py                      results/published/stability, about 20 s of CPU time
+  scripts/stability.py                      results/published/stability, about 25 s of CPU time
   scripts/stability.py --rows rows.json     from what `probelab stability --json` printed
 
 Writes rows.json (a row a line) and manifest.json (where they come from). Exit code 3 when a case

@@ -53,7 +53,9 @@ def recomputed(rows, point):
     keys = [k for k in point if k in rows[0] and k not in NOT_AXES]
     seeds, states = {}, {}
     for row in rows:
-        if row["scene"] == point["scene"]:
+        # Beside cells of `evaluate` those of `budget` count by their first rung.
+        of_point = {"rung", "name"} & set(keys) or row.get("rung") in (None, "", "0")
+        if row["scene"] == point["scene"] and of_point:
             states.setdefault(row["scene"], set()).add(row["state"])
             if row[column] and all(row[k] == point[k] for k in keys):
                 seeds.setdefault(row["seed"], []).append((row["state"], float(row[column])))
