@@ -60,9 +60,9 @@ class FaultTest(CliTest):
         if not SHIM:
             self.skipTest("PROBELAB_SHIM names no library")
         # An instrumented program wants its own runtime first; the shim may stand before it, and has
-        # some of the operators new.
+        # some of the operators new; and a crash is to be one.
         asan = os.environ.get("ASAN_OPTIONS", "")
-        more = "verify_asan_link_order=0:alloc_dealloc_mismatch=0"
+        more = "verify_asan_link_order=0:alloc_dealloc_mismatch=0:handle_segv=0"
         return {"LD_PRELOAD": SHIM, "ASAN_OPTIONS": f"{asan}:{more}".lstrip(":")}
 
     def count_calls(self, call, *arguments):
