@@ -136,7 +136,7 @@ void addLampStates(const EmbreeScene& embree, const Reachability& reachability, 
   int i = 0;
   for (const Vec3f& p :
        lampPositions(embree, reachability, single + shared * lamps_each, rng)) {
-    const int state = i < single ? i : single + (i - single) % shared;
+    const int state = i < single || shared == 0 ? i : single + (i - single) % shared;
     if (first + static_cast<std::size_t>(state) == all.size())
       all.push_back({"lamp", false, {}, 0.0f});
     LightData light{};
