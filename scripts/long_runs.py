@@ -80,7 +80,7 @@ def result_of(program, scene, updates, runs):
 
 def numbers_of(result):
     """Of a whole run, for the manifest."""
-    return {**result["long_run"], **{k: result[k] for k in ("updates", "probes", "rays", "receivers")},
+    return {**result["long_run"], **{k: result[k] for k in (*SETTINGS, "receivers")},
             # Not of the clock: a process may have been stopped in between.
             "update_ms": statistics.median(b["update_ms"] for b in result["batches"]),
             "rss_mib": result["batches"][-1]["rss_mib"],
@@ -143,4 +143,4 @@ def main():
 
 
 if __name__ == "__main__":
-    run_main(main)
+    run_main(main, interrupted="finished scenes are kept")

@@ -230,13 +230,13 @@ void validateLayout(const ProbeLayout& layout, const std::string& what) {
         what);
   const std::size_t probes = layout.positions.size();
   const auto usable = [](float length) { return std::isfinite(length) && length > 0; };
-  if (usable(layout.bias_length_m) && !usable(layout.support_radius_m))
-    throwInput("{}: a support radius of {} m; it must be finite and above 0", what,
-               layout.support_radius_m);
   if (!usable(layout.bias_length_m))
     throwInput(
         "{}: probes coincide (spacing {} m); move them apart, or ask for fewer or a larger volume",
         what, layout.bias_length_m);
+  if (!usable(layout.support_radius_m))
+    throwInput("{}: a support radius of {} m; it must be finite and above 0", what,
+               layout.support_radius_m);
   for (std::size_t i = 0; i < probes; ++i)
     if (!isFinite(layout.positions[i]))
       throwInput("{}: the position of probe {} is not finite", what, i);

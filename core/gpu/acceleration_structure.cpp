@@ -192,7 +192,6 @@ AccelerationStructure buildAccelerationStructure(GpuContext& context,
   auto result = std::make_unique<AccelerationState>();
   const std::vector<Run> runs = opacityRuns(static_cast<std::uint32_t>(triangle_count), opaque);
   std::vector<std::uint32_t> first_triangles;
-  first_triangles.reserve(runs.size());
   for (const Run& run : runs) first_triangles.push_back(run.first);
   result->geometry_count = static_cast<std::uint32_t>(runs.size());
   result->first_triangles = createBufferFrom(context, first_triangles, MemoryUse::device,

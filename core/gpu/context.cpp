@@ -9,7 +9,6 @@ namespace {
 void selectDevice(VulkanState& state, const std::string& wanted) {
   std::vector<PhysicalDevice> devices = physicalDevices(state.instance.instance);
   std::vector<DeviceInfo> infos;
-  infos.reserve(devices.size());
   for (const PhysicalDevice& device : devices) infos.push_back(device.info);
   state.physical = std::move(devices[chooseDevice(infos, wanted)]);
   vkGetPhysicalDeviceMemoryProperties(state.physical.handle, &state.memory);

@@ -203,7 +203,6 @@ std::vector<PhysicalDevice> physicalDevices(VkInstance instance) {
   if (result != VK_INCOMPLETE) checkVulkan(result, "vkEnumeratePhysicalDevices");
   handles.resize(count);
   std::vector<PhysicalDevice> devices;
-  devices.reserve(handles.size());
   for (const VkPhysicalDevice handle : handles) devices.push_back(describeDevice(handle));
   return devices;
 }

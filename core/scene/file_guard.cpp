@@ -76,7 +76,7 @@ fs::path FileGuard::resolve(const std::string& uri, const std::string& element) 
       throwInput("{}: {}: URI '{}' {}; only files beside the scene are read", scene_file_, element,
                  printable(uri), *why);
   std::error_code ec;
-  fs::path path = fs::weakly_canonical(folder_ / decoded, ec);
+  const fs::path path = fs::weakly_canonical(folder_ / decoded, ec);
   if (ec || !inFolder(path))
     throwInput(
         "{}: {}: URI '{}' leads out of the scene's folder through a link; only files beside "

@@ -88,7 +88,6 @@ std::string nodeName(const GltfFile& gltf, int node) {
 std::vector<PlacedNode> placeNodes(const GltfFile& gltf, double time_s, Warnings& warnings) {
   const std::vector<tinygltf::Node>& nodes = gltf.model.nodes;
   std::vector<NodeTrs> trs;
-  trs.reserve(nodes.size());
   for (const tinygltf::Node& node : nodes) trs.push_back(restTrs(node));
   std::vector<bool> animated(nodes.size());
   animate(gltf, time_s, trs, animated, warnings);

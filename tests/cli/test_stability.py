@@ -189,7 +189,7 @@ class Scripts(CliTest):
                     self.assertEqual(done.returncode, 2, done.stderr)
                     self.assertRegex(done.stderr, rf"^{script}: .*rows\.json: .+\n$")
                     self.assertFalse((self.folder / "out").exists())
-            harmless = f"{command} --quiet --threads 1 --cache=/tmp/x --seed 2"
+            harmless = f"{command} --quiet --threads 1 --cache=elsewhere --seed 2"
             done = self.publish(script, {**whole, "provenance": {"command": harmless}})
             self.assertEqual(done.returncode, 0, done.stderr)
             (self.folder / "out").rename(self.folder / f"of_{script}")
