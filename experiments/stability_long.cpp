@@ -101,7 +101,7 @@ void runBatches(ProbeField& field, const Receivers& receivers, int updates, Long
   const int interval = updates / (kBatches * kSamples), warm = warmUpdates(hysteresis);
   for (int i = 0; i < warm; ++i) {
     throwIfInterrupted();
-    const BlendMode mode{.hysteresis = i == 0 ? 0.0f : hysteresis};
+    const BlendMode mode{.hysteresis = temporalHysteresis(field.params(), i)};
     field.update(kFirstRotation + static_cast<uint64_t>(i), mode, mode);
     if (i % 10 == 0) luminances(field, receivers);
   }

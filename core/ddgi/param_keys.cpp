@@ -55,6 +55,8 @@ std::span<const ParamKey> paramKeys() {
       // Hysteresis, temporal mode.
       {"hysteresis", "", RealKey{&Params::hysteresis, 0, 1},
        "share of the old value an update keeps; higher: calmer, slower"},
+      {"warm_up", "updates", IntKey{&Params::warm_up, 0, 1000},
+       "a new field's first updates, without history; then a running mean up to hysteresis"},
       {"hysteresis_space", "", ChoiceKey{&Params::hysteresis_space, {"encoded", "linear"}},
        "linear: no energy lost by averaging encoded samples"},
       {"change_detector", "", ChoiceKey{&Params::change_detector, {"none", "rtxgi", "m21"}},

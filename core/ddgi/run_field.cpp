@@ -156,12 +156,18 @@ ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
   return report;
 }
 
+float temporalHysteresis(const Params& params, int update) {
+  if (update == 0 || update < params.warm_up) return 0;
+  if (params.warm_up == 0) return static_cast<float>(params.hysteresis);
+  const double averaged = update - params.warm_up + 1;  // updates that the history stands for
+  return static_cast<float>(std::min(params.hysteresis, averaged / (averaged + 1)));
+}
+
 int runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update) {
   const double threshold = field.params().variability_threshold;
   for (int i = 0; i < updates; ++i) {
     throwIfInterrupted();
-    const BlendMode mode{.hysteresis =
-                             i == 0 ? 0.0f : static_cast<float>(field.params().hysteresis)};
+    const BlendMode mode{.hysteresis = temporalHysteresis(field.params(), i)};
     field.update(static_cast<uint64_t>(i), mode, mode);
     if (on_update) on_update(i + 1, updates);
     if (threshold > 0 && field.variability() < threshold) return i + 1;

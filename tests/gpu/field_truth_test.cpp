@@ -68,6 +68,49 @@ INSTANTIATE_TEST_SUITE_P(Presets, Furnace,
                                   (std::get<0>(info.param) == 0.5f ? "Albedo50" : "Albedo90");
                          });
 
+// Of the series' light rho^n is missing after n updates without history, and with it an update
+// leaves h + (1 - h) rho of what was missing.
+TEST_F(FieldTruth, WarmUpIsTheSeriesAndThenAMeanOfWhatFollows) {
+  constexpr double kAlbedo = 0.7, kHysteresis = 0.8;
+  constexpr int kWarmUp = 6;
+  const FieldScene scene(test::furnaceScene(static_cast<float>(kAlbedo), 1.0f));
+  const Box3f box{Vec3f(0.05f), Vec3f(1.95f)};
+  Params params = exactParams("gdc2019");
+  params.change_detector = PL_CHANGE_NONE;
+  params.hysteresis = kHysteresis;
+  params.warm_up = kWarmUp;
+  const ProbeLayout layout = boxLayout(box, Vec3i(3, 3, 3), scene.scene.bounds);
+  // Shares of history after the sixth update: of 1, 2, 3 and then no more than 4 updates before.
+  const std::vector<double> history = {1.0 / 2, 2.0 / 3, 3.0 / 4, 4.0 / 5, 4.0 / 5, 4.0 / 5};
+  for (const int updates : {1, 3, 6, 7, 8, 12}) {
+    double missing = std::pow(kAlbedo, std::min(updates, kWarmUp));
+    for (int i = kWarmUp; i < updates; ++i) {
+      const double h = history[static_cast<std::size_t>(i - kWarmUp)];
+      missing *= h + (1 - h) * kAlbedo;
+    }
+    const auto field = scene.field(gpu(), layout, params);
+    EXPECT_EQ(runTemporal(*field, updates), updates);
+    const auto full = static_cast<float>(std::numbers::pi / (1 - kAlbedo));
+    for (const Vec4f& e : field->query(wallPoints(100)))
+      EXPECT_NEAR(e.x, full * static_cast<float>(1 - missing), 2e-4f * full) << updates;
+  }
+}
+
+// The first update has no history to keep; without a warm-up the second one has Params::hysteresis.
+TEST(TemporalHysteresis, WithoutWarmUpHistoryIsWholeAtOnce) {
+  Params params = loadParams("rtxgi");
+  ASSERT_EQ(params.warm_up, 0);
+  EXPECT_EQ(temporalHysteresis(params, 0), 0.0f);
+  EXPECT_EQ(temporalHysteresis(params, 1), 0.97f);
+  params.warm_up = 1;  // a running mean from the first update on
+  EXPECT_EQ(temporalHysteresis(params, 0), 0.0f);
+  EXPECT_EQ(temporalHysteresis(params, 1), 0.5f);
+  EXPECT_EQ(temporalHysteresis(params, 31), 31.0f / 32);
+  EXPECT_EQ(temporalHysteresis(params, 33), 0.97f);
+  params.hysteresis = 0;
+  EXPECT_EQ(temporalHysteresis(params, 5), 0.0f);
+}
+
 Scene linearSkyScene(const Vec3f& radiance, const Vec3f& linear) {
   SceneBuilder builder;
   builder.scene().sky.radiance = radiance;

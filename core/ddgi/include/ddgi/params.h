@@ -35,6 +35,7 @@ struct Params {
   int border = 0, rounding = 0;
   // Hysteresis.
   double hysteresis = 0;
+  int warm_up = 0;  // updates
   int hysteresis_space = 0, change_detector = 0;
   double change_threshold = 0, change_drop = 0, reset_threshold = 0;
   double brightness_threshold = 0, darkening_step = 0;

@@ -38,8 +38,13 @@ using UpdateCallback = std::function<void(int done, int total)>;
 ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
                              const UpdateCallback& on_update = {});
 
-// Up to `updates` updates with Params::hysteresis; the first one writes without (there is no
-// history). Stops when the field's variability falls below Params::variability_threshold. Returns
+// Hysteresis of a new field's update, counted from 0. The first one writes without (there is no
+// history). With Params::warm_up so do that many: bounces come up by themselves there, each update
+// a step of their series, where history would hold every step back. Then the field is the mean of
+// all updates from the last of these on, until that has as much history as Params::hysteresis.
+float temporalHysteresis(const Params& params, int update);
+
+// Up to `updates` updates with temporalHysteresis. Stops when the field's variability falls below Params::variability_threshold. Returns
 // the updates done.
 int runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update = {});
 
