@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -58,11 +59,18 @@ double scoredMean(const std::vector<Vec3f>& estimates, const Receivers& receiver
   return area > 0 ? sum / area : 0;
 }
 
-// Number of the first update that reaches `share` of the last one's mean.
+// Number of the first update that reaches `share` of the last one's mean; null when that is in the
+// last quarter of the run: then the last one is no level that light has settled at.
 Json updatesTo(const std::vector<double>& means, double share) {
-  for (std::size_t i = 0; i < means.size(); ++i)
+  for (std::size_t i = 0; 4 * (i + 1) <= 3 * means.size(); ++i)
     if (means[i] >= share * means.back()) return i + 1;
   return nullptr;
+}
+
+// 1, 2, 3, 4, 6, 8, 12, 16, 24, ...
+bool isCheckpoint(int update) {
+  const int odd = update >> std::countr_zero(static_cast<unsigned>(update));
+  return odd == 1 || odd == 3;
 }
 
 }  // namespace
@@ -253,10 +261,9 @@ std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers
 }
 
 void TemporalRecord::add(int done) {
-  const bool checkpoint = done == 1 || done == 4 || done == 16 || done == 64;
   std::vector<Vec3f> estimates = queryReceivers(field_, receivers_);
   means_.push_back(scoredMean(estimates, receivers_, split_));
-  if (checkpoint)
+  if (isCheckpoint(done))
     nrmse_after_.emplace_back(done, scoreEstimates(estimates, receivers_, split_).all.nrmse);
   window_.push_back(std::move(estimates));
   if (window_.size() > kFlickerWindow) window_.pop_front();

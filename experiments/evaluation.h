@@ -75,14 +75,16 @@ Json scoreOutline();
 std::string formatEstimates(const std::vector<Vec3f>& estimates, const Receivers& receivers,
                             const Scene& scene);
 
-// Follows a temporal run: errors after 1, 4, 16 and 64 updates from black, and flicker.
+// Follows a temporal run: errors after 1, 2, 3, 4, 6, 8, 12, ... updates from black (powers of two
+// and what lies between them), and flicker.
 class TemporalRecord {
  public:
   TemporalRecord(ProbeField& field, const Receivers& receivers, ScoredSplit split)
       : field_(field), receivers_(receivers), split_(split) {}
   void add(int done);
   // {"nrmse_after": {"1": ...}, "updates_to_90": first update after which the mean over receivers
-  // is at least 90 % of the last one, "updates_to_99", "flicker": mean over receivers of sigma / mu
+  // is at least 90 % of the last one, null when that is in the last quarter of the run and so no
+  // settled level, "updates_to_99", "flicker": mean over receivers of sigma / mu
   // of luminance over the last 32 updates, by area, or null when fewer were run}.
   Json toJson() const;
 

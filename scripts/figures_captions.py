@@ -33,7 +33,10 @@ SAYS = {
                         "has; " + FLOOR,
     "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
                        "updates), and updates until the mean over the receivers first reaches 90 "
-                       "and 99 % of the last one, by rays a probe and update and by hysteresis; "
+                       "and 99 % of the last one (left out where that is in the last quarter of the run, "
+                       "which then has not settled), by rays a probe and update and by hysteresis; "
+                       "warm-up: the first updates without history, then a running mean until that "
+                       "has the hysteresis' (all other curves without; preset probelab with 8); "
                        + FLOOR,
     "texels": "Error and light leak at a fixed number of probes by the edges of the irradiance and "
               "moment maps, and the same errors against the bytes that a probe takes (step line: "
@@ -50,7 +53,9 @@ SAYS = {
                    "from the noise and the time of the reference itself (the noise falls with the "
                    "root of the time; band: the least and the most of the seeds). The table "
                    "time_to_error says which setting is first within an error, by the time of its "
-                   "updates from black",
+                   "updates from black (errors are known after 1, 2, 3, 4, 6, 8, 12, ... updates). "
+                   "warm-up: the first updates without history, then a running mean; preset "
+                   "probelab has one of 8, the published presets have none of their own",
     "grid_robustness": "Error and leaks of one lattice moved along every axis by a share of its "
                        "spacing, its probes that end in walls left out, under the same rooms "
                        "turned about the vertical axis; the table spread says how far the values "

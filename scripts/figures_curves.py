@@ -181,7 +181,12 @@ def draw_rays_hysteresis(pyplot, study, tables):
     metrics = [m for m in ("nrmse", "flicker", "updates to 90 %", "updates to 99 %")
                if pick(rows, metric=m)]
     hysteresis = study.axis("hysteresis")
-    shade = shades(pyplot, len(hysteresis))
+    plain = [h for h in hysteresis if "," not in h]  # "0.97, warm-up 8": in the colour of 0.97
+    shade = dict(zip(plain, shades(pyplot, len(plain))))
+    styles = [{"color": shade.get(h.split(",")[0], "black"), "marker": MARKERS[i % len(MARKERS)],
+               "linestyle": "-" if h in plain else "--",
+               "markerfacecolor": shade[h] if h in plain else "white"}
+              for i, h in enumerate(hysteresis)]
     sheet = Sheet(pyplot, len(scenes), len(metrics), 1.7,
                   [f"hysteresis {h}" for h in hysteresis] + ["noise floor"], sharex=True,
                   sharey="col", width=PAGE)
@@ -192,8 +197,7 @@ def draw_rays_hysteresis(pyplot, study, tables):
             for i, h in enumerate(hysteresis):
                 points = sorted(pick(of, hysteresis=h), key=lambda r: float(r["rays"]))
                 if points:
-                    draw_points(panel, [float(p["rays"]) for p in points], points, color=shade[i],
-                                marker=MARKERS[i % len(MARKERS)])
+                    draw_points(panel, [float(p["rays"]) for p in points], points, **styles[i])
             count_axis(panel.xaxis, [float(r) for r in study.axis("rays")])
             ratio_axis(panel.yaxis, values_with_floors(pick(rows, metric=metric)))
             floor = (metric == "nrmse" and draw_floor(panel, of, "metric")) or floor
@@ -202,8 +206,7 @@ def draw_rays_hysteresis(pyplot, study, tables):
             if scene == scenes[-1]:
                 panel.set_xlabel("rays a probe")
         line[0].set_ylabel(pretty(scene))
-    handles = [pyplot.Line2D([], [], color=shade[i], marker=MARKERS[i % len(MARKERS)])
-               for i in range(len(hysteresis))]
+    handles = [pyplot.Line2D([], [], **style) for style in styles]
     sheet.legend(handles + [floor_handle(pyplot)] * floor,
                  [f"hysteresis {h}" for h in hysteresis] + ["noise floor"] * floor)
     return {"": sheet.figure}

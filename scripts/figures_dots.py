@@ -124,6 +124,8 @@ def draw_interpolants(pyplot, study, tables):
         ratio_axis(line[0].yaxis, values_of(of_metric), smallest=smallest(metric))
         for scene, panel in zip(scenes, line):
             of = pick(of_metric, scene=scene)
+            if not of:  # no mean over scenes of what is 0 in some
+                panel.set_axis_off()
             for i, layout in enumerate(layouts):
                 points = pick(of, layout=layout)
                 draw_points(panel, [names.index(p["interpolant"]) + offset(i, len(layouts), 0.4)

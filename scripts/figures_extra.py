@@ -83,10 +83,14 @@ def draw_map(figure, panel, rows, metric, shared):
     wide = positive and max(positive) > 2 * min(positive)
     norm = (LogNorm if wide else Normalize)(min(positive, default=0), max(positive, default=1))
     least = min(positive, default=0)
+    if not positive:
+        panel.text(0.5, 0.5, "0 everywhere", ha="center", va="center", transform=panel.transAxes,
+                   color="white")
     image = panel.pcolormesh(normal, view, [[max(value[n, v], least) for n in normal]
                                             for v in view],
                              norm=norm, cmap="cividis", shading="nearest", rasterized=True)
-    figure.colorbar(image, ax=panel, pad=0.02, aspect=14)
+    if positive:
+        figure.colorbar(image, ax=panel, pad=0.02, aspect=14)
     panel.set_xlim(min(normal), max(normal))
     panel.set_ylim(min(view), max(view))
     panel.grid(False)

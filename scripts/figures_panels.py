@@ -62,9 +62,9 @@ class Sheet:
 
 
 def grid_of(count, most=3):
-    """Rows and columns for so many panels."""
-    columns = min(count, most)
-    return math.ceil(count / columns), columns
+    """Rows and columns for so many panels, with as few blank ones as the rows allow."""
+    rows = math.ceil(count / most)
+    return rows, math.ceil(count / rows)
 
 
 def errors_of(points):
