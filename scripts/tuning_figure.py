@@ -9,6 +9,7 @@ import csv
 import pathlib
 import sys
 
+from figures_panels import colour
 from whole_output import InputError, first_paragraph, no_matplotlib, of_system, read_object
 
 MAPS = {"cost": "cost", "nrmse": "nrmse", "light_leak": "light leak"}
@@ -16,8 +17,7 @@ SEARCHES = {"levenberg_marquardt": "Levenberg-Marquardt from the preset",
             "multi_start": "Levenberg-Marquardt, multi-start",
             "nelder_mead": "Nelder-Mead from the preset", "random": "random search"}
 MARKS = "osD^vPX"
-COLOURS = {"from": "tab:blue", "tuned": "red"}
-OTHERS = ["tab:green", "tab:purple", "tab:brown", "tab:olive", "tab:cyan", "tab:gray"]
+SETTINGS = ["from", "tuned"]  # have the first colours of the figures, presets the others
 ERRORS = {"nrmse": "nrmse", "light_leak": "light leak", "shadow_leak": "shadow leak"}
 # What reading a report raises that has something else in the place of a table or a number.
 DAMAGE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
@@ -87,7 +87,7 @@ def draw_map(pyplot, result, folder, target):
         values = [v for row in grids[column] for v in row]
         logarithmic = min(values) > 0 and max(values) > 3 * min(values)
         norm = (LogNorm if logarithmic else Normalize)(min(values), max(values))
-        image = panel.pcolormesh(normal, view, grids[column], norm=norm, cmap="viridis",
+        image = panel.pcolormesh(normal, view, grids[column], norm=norm, cmap="cividis",
                                  shading="nearest", rasterized=True)
         figure.colorbar(image, ax=panel)
         handles = mark_places(panel, places, labels)
@@ -131,8 +131,8 @@ def draw_errors(pyplot, result, target):
     figure, panels = pyplot.subplots(len(ERRORS), 1, sharex=True,
                                      figsize=(max(6.4, 1.3 * len(scores) + 2), 7.2))
     width = 0.84 / len(names)
-    others = iter(OTHERS * len(names))
-    colours = {name: COLOURS.get(name) or next(others) for name in names}
+    in_order = SETTINGS + [name for name in names if name not in SETTINGS]
+    colours = {name: colour(i) for i, name in enumerate(in_order)}
     for panel, (error, title) in zip(panels, ERRORS.items()):
         for i, name in enumerate(names):
             heights = [s["settings"][i]["heldout"][error] or 0 for s in scores]

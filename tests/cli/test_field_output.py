@@ -5,6 +5,7 @@ import unittest
 
 from support import CliTest, SOURCE
 
+FURNACE = SOURCE / "scenes/furnace/scene_090.toml"
 CORNELL = SOURCE / "scenes/cornell/scene.toml"
 SMALL = ("--count", 64, "--rel-error", 0.2, "--probes", 27, "--rays", 32)
 
@@ -36,10 +37,14 @@ class FieldOutput(CliTest):
         self.assertGreater(temporal["flicker"], 0)
 
     def test_a_level_that_light_has_not_settled_at_is_none(self):
-        slow = self.run_json("evaluate", CORNELL, *SMALL, "--mode", "temporal", "--updates", 32,
-                             "--set", "hysteresis=0.99", "--set", "warm_up=0", "--set",
-                             "change_detector=none")["temporal"]
-        self.assertIsNone(slow["updates_to_99"])  # history of 100 updates in a run of 32
+        # Albedo 0.9: nine tenths of the light have bounced, and history holds every bounce back.
+        def record(updates):
+            return self.run_json("evaluate", FURNACE, *SMALL, "--mode", "temporal", "--updates",
+                                 updates, "--params", "probelab", "--set", "warm_up=0", "--set",
+                                 "change_detector=none", "--set", "hysteresis=0.9")["temporal"]
+        self.assertIsNone(record(64)["updates_to_90"])
+        # After n updates 0.9 (h + (1 - h) 0.9)^(n - 1) is missing: a tenth after 220.
+        self.assertAlmostEqual(record(1000)["updates_to_90"], 220, delta=2)
 
     def test_threads_of_the_software_device_change_no_byte(self):
         dumps = []
