@@ -33,8 +33,8 @@ SAYS = {
                         "has; " + FLOOR,
     "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
                        "updates), and updates until the mean over the receivers first reaches 90 "
-                       "and 99 % of the last one (left out where that is in the last quarter of the run, "
-                       "which then has not settled), by rays a probe and update and by hysteresis; "
+                       "and 99 % of the last one (left out where that is in the last quarter of the "
+                       "run, which then has not settled), by rays a probe and update and by hysteresis; "
                        "warm-up: the first updates without history, then a running mean until that "
                        "has the hysteresis' (all other curves without; preset probelab with 8); "
                        + FLOOR,

@@ -44,8 +44,8 @@ ConvergeReport convergeField(ProbeField& field, const ConvergeOptions& options,
 // all updates from the last of these on, until that has as much history as Params::hysteresis.
 float temporalHysteresis(const Params& params, int update);
 
-// Up to `updates` updates with temporalHysteresis. Stops when the field's variability falls below Params::variability_threshold. Returns
-// the updates done.
+// Up to `updates` updates with temporalHysteresis. Stops when the field's variability falls below
+// Params::variability_threshold. Returns the updates done.
 int runTemporal(ProbeField& field, int updates, const UpdateCallback& on_update = {});
 
 }  // namespace probelab
