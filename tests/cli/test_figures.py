@@ -191,6 +191,14 @@ class Numbers(FiguresTest):
         self.assertAlmostEqual(tables["path_tracing"][0]["value"],
                                0.01 * math.sqrt(0.004 * 2073600))
 
+    def test_updates_to_a_level_that_one_seed_did_not_settle_at_are_left_out(self):
+        cells = [cell("rays_hysteresis", seed=seed, rays=64, hysteresis="0.99", result=errors(
+            0.1, temporal={"flicker": 0.1, "updates_to_90": 10 * seed, "updates_to_99": to_99}))
+            for seed, to_99 in ((1, 50), (2, None))]
+        rows = figures_tables.tables_rays_hysteresis(self.study(cells))[""]
+        self.assertEqual(self.row(rows, metric="updates to 90 %")["value"], 15)
+        self.assertEqual([r for r in rows if r["metric"] == "updates to 99 %"], [])
+
     def test_budget_rungs(self):
         cells = [cell("why", command="budget", seed=s, result={"rungs": [
             {"name": "exact", "nrmse": 0.1 * s, "light_leak": 0.0, "share": 0.25},
