@@ -90,6 +90,8 @@ class Expansion {
         throwInput("{}: no scene has the state '{}'{}", study_, state,
                    suggestion(state, std::vector<std::string>(other_states_.begin(),
                                                               other_states_.end())));
+    if (cells_.empty())
+      throwInput("{}: the study has no cell; 'with' asks for values that are left out", study_);
     return std::move(cells_);
   }
 
@@ -115,9 +117,18 @@ class Expansion {
     return names;
   }
 
+  static bool standsBeside(const StudyAxisValue& value, const StudyCell& cell) {
+    return std::ranges::all_of(cell.axes, [&](const auto& axis) {
+      const auto wanted = value.beside.find(axis.first);
+      return wanted == value.beside.end() ||
+             std::ranges::find(wanted->second, axis.second) != wanted->second.end();
+    });
+  }
+
   void addAxes(const StudyCell& cell, std::size_t axis, const std::string& scene_hash) {
     if (axis == plan_.axes.size()) return addSeeds(cell, scene_hash);
     for (const StudyAxisValue& value : plan_.axes[axis].values) {
+      if (!standsBeside(value, cell)) continue;
       StudyCell next = cell;
       addOptions(next.options, value.options);
       if (!value.command.empty()) next.command = value.command;

@@ -22,6 +22,7 @@
 //   name = "sparse"
 //   options = { strategy = "grid_sparse" }
 //   command = "budget"          # if it is another one than the study's
+//   with = { probes = [256] }   # only beside these values of axes above; without it: beside all
 //   [size.smoke]                  # --size smoke: a part of the study
 //   scenes = ["cornell"]          # by a part of their path
 //   seeds = [1]

@@ -23,7 +23,7 @@ const std::vector<std::string> kStudyKeys = {"about", "command", "scenes", "stat
                                              "seeds", "options", "axis",   "size"};
 const char* const kScriptKey = "script";  // of studies that a script of their own runs
 const std::vector<std::string> kAxisKeys = {"name", "option", "values", "value"};
-const std::vector<std::string> kValueKeys = {"name", "options", "command"};
+const std::vector<std::string> kValueKeys = {"name", "options", "command", "with"};
 const std::vector<std::string> kSizeKeys = {"scenes", "states", "seeds", "axes", "options"};
 const std::vector<std::string> kCommands = {"evaluate", "tune", "budget", "bench", "place"};
 constexpr std::size_t kMostSeeds = 10000;
@@ -112,7 +112,47 @@ struct Reader {
   }
 };
 
-StudyAxis readAxis(const Reader& read, const toml::node& node) {
+// Keeps the wanted values alone, in the order of `wanted`.
+void narrowAxis(const Reader& read, const toml::node& wanted, StudyAxis& axis) {
+  std::vector<std::string> names;
+  for (const StudyAxisValue& value : axis.values) names.push_back(value.name);
+  std::vector<StudyAxisValue> kept;
+  for (const toml::node& node : read.list(wanted, axis.name.c_str())) {
+    const std::string name = read.scalar(node, axis.name);
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end())
+      throwInput("{}: axis '{}' has no '{}'{}", read.at(node), axis.name, name,
+                 suggestion(name, names));
+    kept.push_back(axis.values[static_cast<std::size_t>(found - names.begin())]);
+  }
+  axis.values = std::move(kept);
+}
+
+// What a value stands beside: values of the axes above it.
+std::map<std::string, std::vector<std::string>> readBeside(const Reader& read,
+                                                           const toml::node& node,
+                                                           const std::vector<StudyAxis>& above) {
+  if (!node.is_table())
+    throwInput("{}: with must be a table, as with = {{ axis = [value] }}", read.at(node));
+  std::vector<std::string> axes;
+  for (const StudyAxis& axis : above) axes.push_back(axis.name);
+  std::map<std::string, std::vector<std::string>> beside;
+  for (const auto& [key, wanted] : *node.as_table()) {
+    const std::string name(key.str());
+    const auto axis = std::find(axes.begin(), axes.end(), name);
+    if (axis == axes.end())
+      throwInput("{}: with: no axis above has the name '{}'{}", read.at(wanted), name,
+                 suggestion(name, axes));
+    StudyAxis kept = above[static_cast<std::size_t>(axis - axes.begin())];
+    narrowAxis(read, wanted, kept);
+    for (const StudyAxisValue& value : kept.values) beside[name].push_back(value.name);
+  }
+  return beside;
+}
+
+// `above`: the axes before it.
+StudyAxis readAxis(const Reader& read, const toml::node& node,
+                   const std::vector<StudyAxis>& above) {
   if (!node.is_table()) throwInput("{}: write axes as [[axis]]", read.at(node));
   const toml::table& table = *node.as_table();
   read.checkKeys(table, kAxisKeys);
@@ -139,17 +179,19 @@ StudyAxis readAxis(const Reader& read, const toml::node& node) {
       const toml::table& value = *entry.as_table();
       read.checkKeys(value, kValueKeys);
       if (value.get("name") == nullptr) throwInput("{}: a value needs a name", read.at(entry));
-      axis.values.push_back({read.text(*value.get("name"), "name"), {}, {}});
+      axis.values.push_back({read.text(*value.get("name"), "name"), {}, {}, {}});
       if (const toml::node* options = value.get("options"))
         axis.values.back().options = read.options(*options);
       if (const toml::node* command = value.get("command"))
         axis.values.back().command = read.command(*command);
+      if (const toml::node* beside = value.get("with"))
+        axis.values.back().beside = readBeside(read, *beside, above);
     }
   } else {
     const std::string option = read.text(need("option"), "option");
     for (const toml::node& entry : read.list(need("values"), "values")) {
       const std::string value = read.scalar(entry, option);
-      axis.values.push_back({value, {{option, {value}}}, {}});
+      axis.values.push_back({value, {{option, {value}}}, {}, {}});
     }
   }
   std::set<std::string> names;
@@ -195,27 +237,12 @@ StudyPlan readPlan(const Reader& read, const toml::table& table) {
   if (const toml::node* options = table.get("options")) plan.options = read.options(*options);
   if (const toml::node* axes = table.get("axis"))
     for (const toml::node& axis : read.list(*axes, "axis")) {
-      plan.axes.push_back(readAxis(read, axis));
+      plan.axes.push_back(readAxis(read, axis, plan.axes));
       for (std::size_t i = 0; i + 1 < plan.axes.size(); ++i)
         if (plan.axes[i].name == plan.axes.back().name)
           throwInput("{}: there is an axis '{}' already", read.at(axis), plan.axes[i].name);
     }
   return plan;
-}
-
-void narrowAxis(const Reader& read, const toml::node& wanted, StudyAxis& axis) {
-  std::vector<std::string> names;
-  for (const StudyAxisValue& value : axis.values) names.push_back(value.name);
-  std::vector<StudyAxisValue> kept;
-  for (const toml::node& node : read.list(wanted, axis.name.c_str())) {
-    const std::string name = read.scalar(node, axis.name);
-    const auto found = std::find(names.begin(), names.end(), name);
-    if (found == names.end())
-      throwInput("{}: axis '{}' has no '{}'{}", read.at(node), axis.name, name,
-                 suggestion(name, names));
-    kept.push_back(axis.values[static_cast<std::size_t>(found - names.begin())]);
-  }
-  axis.values = std::move(kept);
 }
 
 void narrowScenes(const Reader& read, const toml::node& wanted, StudyPlan& plan) {

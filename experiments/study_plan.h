@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,8 @@ struct StudyAxisValue {
   std::string name;
   OptionValues options;
   std::string command;  // in place of the study's; empty: that one
+  // Names of values of earlier axes, by axis: the value is for cells with one of each alone.
+  std::map<std::string, std::vector<std::string>> beside;
 };
 struct StudyAxis {
   std::string name;

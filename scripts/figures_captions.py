@@ -48,7 +48,8 @@ SAYS = {
                "whatever the storage; what a point lies below it is lost to storage",
     "speed_error": "Error against the time of a frame of 1080p (one update and one query a pixel) "
                    "and against the rays of an update, which no machine changes; a mark's area "
-                   "grows with the logarithm of the field's bytes. Step line: Pareto front of all; "
+                   "grows with the logarithm of the field's bytes, its shape tells the texels along "
+                   "an edge of the irradiance and of the moment map. Step line: Pareto front of all; "
                    + FLOOR + "; dash-dotted: path tracing of every pixel in the time of the frame, "
                    "from the noise and the time of the reference itself (the noise falls with the "
                    "root of the time; band: the least and the most of the seeds). The table "

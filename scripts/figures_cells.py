@@ -292,6 +292,15 @@ def axis_values(axis):
     return [str(v) for v in axis.get("values", [])] or [v["name"] for v in axis.get("value", [])]
 
 
+def stands_beside(plan, values):
+    """Whether each value is for cells with the others: 'with' of [[axis.value]]."""
+    chosen = dict(values)
+    return all(chosen[other] in map(str, names)
+               for axis in plan.get("axis", []) for value in axis.get("value", [])
+               if chosen[axis["name"]] == value["name"]
+               for other, names in value.get("with", {}).items())
+
+
 def expand(path, size=None):
     """The axes of every cell of a study file, as tuples of (name, value), in its order."""
     with open(path, "rb") as file:
@@ -308,6 +317,8 @@ def expand(path, size=None):
     for scene in scenes:
         for state in states_of(path.parent / scene, wanted, plan["command"]):
             for values in itertools.product(*[[(n, v) for v in vs] for n, vs in axes]):
+                if not stands_beside(plan, values):
+                    continue
                 cells += [(("scene", scene_name(scene)), ("state", state), *values, ("seed", seed))
                           for seed in seeds]
     return cells

@@ -220,42 +220,67 @@ def area_of(size, sizes):
     return 9 + 70 * ((math.log(size) - low) / (high - low) if high > low else 0)
 
 
+def series_of(study, rows):
+    """[(preset, layout, its name)]: the first layout goes without saying."""
+    found = [(p, layout) for p in study.axis("params") for layout in study.axis("layout")
+             if pick(rows, params=p, layout=layout)]
+    plain = study.axis("layout")[0]
+    return [(p, layout, p if layout == plain else f"{p}, {layout}") for p, layout in found]
+
+
+def mark_handles(pyplot, sizes, texels):
+    """Handles and labels of what shape and area of a mark say."""
+    def handle(marker, size):
+        return pyplot.Line2D([], [], linestyle="", marker=marker, color="grey", markersize=size,
+                             markeredgecolor="white", markeredgewidth=0.4)
+
+    shapes = [(handle(MARKERS[i % len(MARKERS)], 4.5), f"texels {t}")
+              for i, t in enumerate(texels)] if len(texels) > 1 else []
+    areas = [(handle("o", math.sqrt(area_of(b, sizes))), bytes_text(b))
+             for b in sorted({min(sizes), max(sizes)})]
+    return zip(*shapes, *areas)
+
+
 def draw_speed_error(pyplot, study, tables):
-    rows, scenes, presets = tables[""], study.axis("scene"), study.axis("params")
+    rows, scenes, texels = tables[""], study.axis("scene"), study.axis("texels")
     costs = {"frame_ms": "frame, ms", "work_rays": "rays an update"}
-    sizes = [r["bytes"] for r in rows]
-    marks = sorted({min(sizes), max(sizes)})
+    sizes, series = [r["bytes"] for r in rows], series_of(study, rows)
     # So far up that the path tracer's curve is in sight at the slowest frames.
     slowest = max(r["frame_ms"] for r in rows if r["frame_ms"]) / 1000
     visible = [r["value"] / math.sqrt(slowest) for r in tables["path_tracing"]]
-    labels = [*presets, "Pareto front", "path tracing", "noise floor", *map(bytes_text, marks)]
-    sheet = Sheet(pyplot, 2, len(scenes), 2.1, labels, sharey=True, sharex="row")
+    marks, mark_labels = mark_handles(pyplot, sizes, texels)
+    labels = [*(name for *_, name in series), "Pareto front", "path tracing", "noise floor",
+              *mark_labels]
+    sheet = Sheet(pyplot, 2, len(scenes), 2.3, labels, sharey=True, sharex="row")
     for (cost, label), line in zip(costs.items(), sheet.panels):
         for scene, panel in zip(scenes, line):
             of = [r for r in pick(rows, scene=scene) if r[cost]]
-            for i, preset in enumerate(presets):
-                points = pick(of, params=preset)
-                draw_cloud(panel, points, cost, sizes, colour(i))
-            front = sorted((r[cost], r["value"]) for r in of if r["front_" + cost])
-            panel.plot(*zip(*front), color="black", linewidth=0.9, drawstyle="steps-post", zorder=1)
+            for i, (preset, layout, _) in enumerate(series):
+                for marker, t in zip(MARKERS, texels):
+                    draw_cloud(panel, pick(of, params=preset, layout=layout, texels=t), cost,
+                               sizes, colour(i), marker)
+            draw_front(panel, sorted((r[cost], r["value"]) for r in of if r["front_" + cost]))
             draw_floor(panel, of, "metric")
             ratio_axis(panel.xaxis, [r[cost] for r in rows if r[cost]], margin=1.5)
             ratio_axis(panel.yaxis, values_with_floors(rows) + visible, margin=1.35)
             if cost == "frame_ms":
                 draw_path_tracing(panel, pick(tables["path_tracing"], scene=scene))
-            panel.set_xlabel(label)
-            if cost == "frame_ms":
                 panel.set_title(pretty(scene))
+            panel.set_xlabel(label)
         line[0].set_ylabel("nrmse")
-    dot = {"linestyle": "", "marker": "o", "markeredgecolor": "white", "markeredgewidth": 0.4}
-    handles = [pyplot.Line2D([], [], color=colour(i), markersize=5, **dot)
-               for i in range(len(presets))]
+    handles = [pyplot.Line2D([], [], linestyle="", marker="o", color=colour(i), markersize=5,
+                             markeredgecolor="white", markeredgewidth=0.4)
+               for i in range(len(series))]
     handles += [pyplot.Line2D([], [], color="black", linewidth=0.9),
                 pyplot.Line2D([], [], color="dimgrey", linestyle="-."), floor_handle(pyplot)]
-    handles += [pyplot.Line2D([], [], color="grey", markersize=math.sqrt(area_of(b, sizes)), **dot)
-                for b in marks]
-    sheet.legend(handles, labels)
+    sheet.legend([*handles, *marks], labels)
     return {"": sheet.figure}
+
+
+def draw_front(panel, points):
+    """Above the marks, with a rim of white, or a dense cloud hides it."""
+    for width, tone in ((2.1, "white"), (0.9, "black")):
+        panel.plot(*zip(*points), color=tone, linewidth=width, drawstyle="steps-post", zorder=4)
 
 
 def draw_path_tracing(panel, rows):
@@ -274,7 +299,7 @@ def bytes_text(size):
     return f"{size:.0f} B"
 
 
-def draw_cloud(panel, points, cost, sizes, tone):
+def draw_cloud(panel, points, cost, sizes, tone, marker):
     """Small marks last."""
     points = sorted(points, key=lambda p: -p["bytes"])
     if not points:
@@ -289,5 +314,5 @@ def draw_cloud(panel, points, cost, sizes, tone):
                              [max(0, p["high"] - p["value"]) for p in points]],
                        linestyle="", color=tone, elinewidth=0.6, capsize=0, zorder=2)
     panel.scatter([p[cost] for p in points], [p["value"] for p in points], color=tone,
-                  s=[area_of(p["bytes"], sizes) for p in points], edgecolors="white",
+                  s=[area_of(p["bytes"], sizes) for p in points], marker=marker, edgecolors="white",
                   linewidths=0.4, zorder=3)

@@ -133,7 +133,7 @@ def tables_formats(study):
 # Speed against error.
 
 WANTED = (0.5, 0.3, 0.2, 0.1, 0.05, 0.03, 0.02, 0.01)  # nrmse
-SETTING = ["params", "probes", "rays"]
+SETTING = ["params", "probes", "rays", "layout", "texels"]
 
 
 def first_update_within(cell, wanted):
@@ -273,7 +273,7 @@ AXES = {"error_vs_n": {"probes", "layout"}, "thin_wall": {"probes", "params"},
         "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis"},
         "texels": {"irradiance texels", "moment texels"}, "interpolants": {"layout", "interpolant"},
         "formats": {"format", "gamma", "hysteresis", "rounding"},
-        "speed_error": {"params", "probes", "rays"}, "grid_robustness": {"offset"},
+        "speed_error": set(SETTING), "grid_robustness": {"offset"},
         "bias_map": set(), "layout_tuning": {"layout"}}
 TUNED = ("bias_map", "layout_tuning")  # of `probelab tune`
 

@@ -178,7 +178,8 @@ class Numbers(FiguresTest):
                             speed={"update_ms": update_ms, "frame_ms": update_ms + 1},
                             work={"rays": 64 * rays}, memory_bytes=1000, probes={"stored": 64},
                             receivers={"count": 1000, "seconds": 4.0})
-            cells.append(cell("speed_error", params="p", probes=64, rays=rays, result=result))
+            cells.append(cell("speed_error", params="p", probes=64, rays=rays, layout="grid",
+                              texels="8, 16", result=result))
         tables = figures_tables.tables_speed_error(self.study(cells))
         times = tables["time_to_error"]
         # 0.5: 4 updates of 1 ms or one of 3 ms; 0.3: 16 of 1 ms or 4 of 3 ms; 0.2: 4 of 3 ms.
@@ -574,7 +575,8 @@ def every_study():
                         moment_texels=a // 8)
                     add("formats", i, scene, seed, format=f"r11g11b10f{a}", gamma=1 + 4 * (i % 2),
                         hysteresis=0.97, rounding="nearest")
-                    add("speed_error", i, scene, seed, params=b, probes=a, rays=32)
+                    add("speed_error", i, scene, seed, params=b, probes=a, rays=32,
+                        layout="grid" if i % 2 else "poisson", texels=f"{4 + 4 * (i % 2)}, 16")
                     add("visibility_terms", i, scene, seed, terms=f"{b} {a}")
                     for turn in ("", "_turned_30"):
                         place = scene if not turn else scene + (turn if "/" in scene

@@ -45,6 +45,7 @@ name = "night"
 split = "heldout"
 sky_scale = 0.5
 """
+JITTERED = 'options = { strategy = "jittered" }'
 TIMES = ("speed", "provenance", "layout_build_s")
 
 
@@ -260,7 +261,7 @@ class RunTest(CliTest):
         expect(STUDY.replace("[1, 2]", "[1, 1]"), "seed 1 stands twice")
         expect(STUDY.replace('["room.toml"]', '["room.toml", "./room.toml"]'), "stands twice")
         expect(STUDY.replace('"all"', '["day", "nigth"]'), "'nigth'", "did you mean 'night'")
-        expect(STUDY.replace('options = { strategy = "jittered" }', ""), "one and the same")
+        expect(STUDY.replace(JITTERED, ""), "one and the same")
         expect(STUDY.replace("count = 32", 'dump = "/elsewhere/x.csv"'), "within the cell's own folder")
         expect(STUDY.replace("count = 32", 'dump = "../x.csv"'), "within the cell's own folder")
         expect(STUDY.replace("count = 32", "threads = 1"), "'threads' is not for options")
@@ -269,6 +270,10 @@ class RunTest(CliTest):
             expect(STUDY.replace('name = "probes"', f'name = "{axis}"'), f"'{axis}' is a column")
         expect(STUDY.replace("values = [1, 8]", 'values = [1, 8]\n[[axis.value]]\nname = "x"'),
                "not both")
+        for value, says in (('{ probs = [8] }', "did you mean 'probes'"), ('{ probes = [9] }', "no '9'"),
+                            ('{ layout = ["grid"] }', "no axis above has the name 'layout'"),
+                            ('[8]', "must be a table"), ('{ probes = 8 }', "must be a list")):
+            expect(STUDY.replace(JITTERED, f"{JITTERED}\nwith = {value}"), says)
         expect(STUDY.replace("count = 32", "count = 32\nnosuch = false"), "no option 'nosuch'")
         expect(STUDY.replace("[size.smoke]", "[size.smoke]\nsed = 3"), "unknown key 'sed'")
         expect(STUDY.replace("count = 32", "count = 32\nprobes = 3"),
@@ -277,6 +282,16 @@ class RunTest(CliTest):
         self.write(STUDY)
         self.assertIn("more than 10000 seeds",
                       self.run_fails(2, "run", "study.toml", "--scale", "2000000000"))
+
+    def test_a_value_stands_beside_the_values_that_it_names(self):
+        self.write(STUDY.replace(JITTERED, f"{JITTERED}\nwith = {{ probes = [1] }}"))
+        found = {(c["axes"]["probes"], c["axes"]["layout"]) for c in self.study("--list")["list"]}
+        self.assertEqual(found, {("1", "grid"), ("1", "jittered"), ("8", "grid")})
+        smoke = [c["axes"]["layout"] for c in self.study("--list", "--size", "smoke")["list"]]
+        self.assertEqual(smoke, ["grid"])
+        self.write(STUDY.replace(JITTERED, f"{JITTERED}\nwith = {{ probes = [1] }}").replace(
+            "axes = { probes = [8] }", 'axes = { probes = [8], layout = ["jittered"] }'))
+        self.assertIn("no cell", self.run_fails(2, "run", "study.toml", "--size", "smoke"))
 
     def test_scenes_of_one_name_are_told_apart(self):
         for name in ("a", "b"):

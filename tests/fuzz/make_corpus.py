@@ -269,6 +269,7 @@ name = "grid"
 [[axis.value]]
 name = "jittered"
 options = { strategy = "jittered" }
+with = { probes = [8] }
 [size.smoke]
 scenes = ["room.toml"]
 seeds = [1]
