@@ -38,9 +38,9 @@ SAYS = {
                        "warm-up: the first updates without history, then a running mean until that "
                        "has the hysteresis' (all other curves without; preset probelab with 8); "
                        + FLOOR,
-    "texels": "Error and light leak at a fixed number of probes by the edges of the irradiance and "
-              "moment maps, and the same errors against the bytes that a probe takes (step line: "
-              "Pareto front); " + FLOOR,
+    "texels": "Error and light leak by the texels along an edge of the irradiance and moment maps, "
+              "at one number of probes and at one number of bytes of texels, where finer maps leave "
+              "fewer probes; points of one moment map stand side by side; " + FLOOR,
     "interpolants": "Error, light leak and the time of a query by interpolant and layout; " + FLOOR,
     "formats": "Bias (mean error over mean irradiance) in temporal mode by the format of the "
                "irradiance, the encoding's gamma, hysteresis and rounding. Dashed: rgba32f of the "

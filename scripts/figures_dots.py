@@ -68,44 +68,34 @@ def draw_bars(panel, xs, points, width, tone, start=None):
 
 def draw_texels(pyplot, study, tables):
     rows, scenes = tables[""], study.axis("scene")
-    irradiance = study.axis("irradiance texels")
-    moments = [float(m) for m in study.axis("moment texels")]
+    irradiance, moments = (study.axis(a) for a in ("irradiance texels", "moment texels"))
     shade = shades(pyplot, len(irradiance))
+    styles = [{"color": shade[i], "marker": MARKERS[i % len(MARKERS)]}
+              for i in range(len(irradiance))]
     names = [f"irradiance {i} x {i}" for i in irradiance]
-    sheet = Sheet(pyplot, 3, len(scenes), 1.75, [*names, "noise floor", "Pareto front"],
+    kinds = [k for k in (("probes", "nrmse"), ("probes", "light leak"), ("bytes", "nrmse"),
+                         ("bytes", "light leak")) if pick(rows, fixed=k[0])]
+    sheet = Sheet(pyplot, len(kinds), len(scenes), 1.75, [*names, "noise floor"],
                   sharey="row", width=PAGE if len(scenes) > 1 else None)
-    errors, leaks = pick(rows, metric="nrmse"), pick(rows, metric="light leak")
-    for column, scene in enumerate(scenes):
-        top, middle, bottom = (line[column] for line in sheet.panels)
-        for i, texels in enumerate(irradiance):
-            style = {"color": shade[i], "marker": MARKERS[i % len(MARKERS)]}
-            for panel, of in ((top, errors), (middle, leaks)):
+    for (fixed, metric), line in zip(kinds, sheet.panels):
+        of = pick(rows, fixed=fixed, metric=metric)
+        for scene, panel in zip(scenes, line):
+            for i, texels in enumerate(irradiance):
                 points = pick(of, scene=scene, **{"irradiance texels": texels})
-                draw_points(panel, [float(p["moment texels"]) for p in points], points, **style)
-            points = pick(errors, scene=scene, **{"irradiance texels": texels})
-            draw_points(bottom, [p["bytes_a_probe"] for p in points], points, line=False, zorder=3,
-                        **style)
-        front = sorted((r["bytes_a_probe"], r["value"]) for r in pick(errors, scene=scene)
-                       if r.get("front"))
-        bottom.plot(*zip(*front), color="black", linewidth=0.9, drawstyle="steps-post", zorder=1)
-        for panel, of, label in ((top, errors, "moment texels, an edge"),
-                                 (middle, leaks, "moment texels, an edge"),
-                                 (bottom, errors, "bytes a probe")):
-            if panel is bottom:
-                ratio_axis(panel.xaxis, [r["bytes_a_probe"] for r in rows], margin=1.3)
-            else:
-                count_axis(panel.xaxis, moments)
-            ratio_axis(panel.yaxis, values_of(of), smallest=LEAST_LEAK * (of is leaks))
+                # Side by side: many are the same.
+                draw_points(panel, [float(p["moment texels"]) * 1.06 ** (i - (len(irradiance) - 1)
+                                                                         / 2) for p in points],
+                            points, **styles[i])
+            count_axis(panel.xaxis, [float(m) for m in moments])
+            ratio_axis(panel.yaxis, values_of(pick(rows, metric=metric)),
+                       smallest=smallest(metric))
             floor_lines(panel, [panel.get_xlim()], pick(of, scene=scene)[:1])
-            panel.set_xlabel(label)
-        top.set_title(pretty(scene))
-    for panel, label in zip((line[0] for line in sheet.panels), ("nrmse", "light leak", "nrmse")):
-        panel.set_ylabel(label)
-    handles = [pyplot.Line2D([], [], color=shade[i], marker=MARKERS[i % len(MARKERS)])
-               for i in range(len(irradiance))]
-    sheet.legend(handles + [floor_handle(pyplot), pyplot.Line2D([], [], color="black",
-                                                                linewidth=0.9)],
-                 [*names, "noise floor", "Pareto front"])
+            panel.set_xlabel("moment texels, an edge")
+        line[0].set_ylabel(f"{metric}\n" + ("same probes" if fixed == "probes" else "same bytes"))
+    for scene, panel in zip(scenes, sheet.panels[0]):
+        panel.set_title(pretty(scene))
+    sheet.legend([pyplot.Line2D([], [], **style) for style in styles] + [floor_handle(pyplot)],
+                 [*names, "noise floor"])
     return {"": sheet.figure}
 
 

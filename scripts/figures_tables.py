@@ -106,14 +106,13 @@ def tables_rays_hysteresis(study):
 
 
 def tables_texels(study):
+    """`fixed`: probes, or the bytes of all texels, so that finer maps leave fewer probes."""
     keys = ["irradiance texels", "moment texels"]
-    rows = metric_rows(study, ["scene", *keys], {**NRMSE, "light leak": LEAKS["light leak"]},
-                       {"bytes_a_probe": "memory.atlas_per_probe"})
-    for scene in study.axis("scene"):
-        of = [r for r in rows if r["scene"] == scene and r["metric"] == "nrmse"]
-        front = pareto([(r["bytes_a_probe"], r["value"]) for r in of])
-        for i, row in enumerate(of):
-            row["front"] = int(i in front)
+    rows = metric_rows(study, ["scene", *keys, "fixed"],
+                       {**NRMSE, "light leak": LEAKS["light leak"]},
+                       {"stored": "probes.stored", "bytes_a_probe": "memory.atlas_per_probe"})
+    for row in rows:
+        row["fixed"] = row["fixed"].split(":")[0]
     return {"": rows}
 
 
@@ -271,7 +270,7 @@ READABLE = ("cost", "time_to_error", "spread", "parameters")  # tables that are 
 # The axes that each one needs; a study of another name with the same axes gets the same figure.
 AXES = {"error_vs_n": {"probes", "layout"}, "thin_wall": {"probes", "params"},
         "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis"},
-        "texels": {"irradiance texels", "moment texels"}, "interpolants": {"layout", "interpolant"},
+        "texels": {"irradiance texels", "moment texels", "fixed"}, "interpolants": {"layout", "interpolant"},
         "formats": {"format", "gamma", "hysteresis", "rounding"},
         "speed_error": set(SETTING), "grid_robustness": {"offset"},
         "bias_map": set(), "layout_tuning": {"layout"}}

@@ -498,7 +498,7 @@ class Files(FiguresTest):
         self.assertEqual(run.returncode, 2)
         self.assertIn("no study named texels", run.stderr)
         for lacking in (None, 0.5):  # no error, no bytes
-            mixed = self.write([cell("texels", irradiance_texels=4, moment_texels=8,
+            mixed = self.write([cell("texels", irradiance_texels=4, moment_texels=8, fixed="probes",
                                      result=errors(lacking))], "lacking")
             run = self.figures(results, mixed, "-o", self.folder / "out")
             self.assertEqual(run.returncode, 1)
@@ -572,7 +572,7 @@ def every_study():
                     add("interpolants", i, scene, seed, layout=b, interpolant=f"kind{a}")
                     add("rays_hysteresis", i, scene, seed, rays=a, hysteresis=0.85 + 0.1 * (i % 2))
                     add("texels", i, scene, seed, irradiance_texels=4 + 4 * (i % 2),
-                        moment_texels=a // 8)
+                        moment_texels=a // 8, fixed="probes" if i % 3 else f"bytes: {a} probes")
                     add("formats", i, scene, seed, format=f"r11g11b10f{a}", gamma=1 + 4 * (i % 2),
                         hysteresis=0.97, rounding="nearest")
                     add("speed_error", i, scene, seed, params=b, probes=a, rays=32,
