@@ -16,8 +16,8 @@ SAYS = {
                         "runs; " + FLOOR,
     "thin_wall": "Light leak into a dark room through the wall beside a lit one. Above: by wall "
                  "thickness and probes asked for, with the spacing along the wall (root mean "
-                 "square of its two directions, at the thinnest wall); 0: no leak; blank: not run; dots: no "
-                 "cell of the lattice has probes in both rooms. Below: the same against "
+                 "square of its two directions, at the thinnest wall); 0: no leak; blank: not run; "
+                 "dots: no cell of the lattice has probes in both rooms. Below: the same against "
                  "t / (d sin theta), intervals over seeds. t is the thickness; d and theta are the "
                  "length and the angle with the wall's normal of the ray from a probe at a corner "
                  "of a lattice cell that the wall cuts to the middle of that cell, so that "
@@ -27,20 +27,20 @@ SAYS = {
                  "through (Chebyshev's bound cubed below 0.05), before texels, noise and biases. "
                  "Open marks: no cell has probes in both rooms (an odd count across, with a layer "
                  "inside the wall that is not stored, or spacing below the thickness)",
-    "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test (exact: by rays, "
-                        "of path-traced light); "
-                        "axes are logarithmic, so that the length of a bar has no meaning, its end "
-                        "has; " + FLOOR,
+    "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test "
+                        "(exact: by rays, of path-traced light); axes are logarithmic, so that the "
+                        "length of a bar has no meaning, its end has; " + FLOOR,
     "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
                        "updates), and updates until the mean over the receivers first reaches 90 "
-                       "and 99 % of the last one (left out where that is in the last quarter of the "
-                       "run, which then has not settled), by rays a probe and update and by hysteresis; "
-                       "warm-up: the first updates without history, then a running mean until that "
-                       "has the hysteresis' (all other curves without; preset probelab with 8); "
+                       "and 99 % of the last one (left out where that is in the last quarter of "
+                       "the run, which then has not settled), by rays a probe and update and by "
+                       "hysteresis; warm-up: the first updates without history, then a running "
+                       "mean until that has the hysteresis' (all other curves without; preset "
+                       "probelab with 8); "
                        + FLOOR,
     "texels": "Error and light leak by the texels along an edge of the irradiance and moment maps, "
-              "at one number of probes and at one number of bytes of texels, where finer maps leave "
-              "fewer probes; points of one moment map stand side by side; " + FLOOR,
+              "at one number of probes and at one number of bytes of texels, where finer maps "
+              "leave fewer probes; points of one moment map stand side by side; " + FLOOR,
     "interpolants": "Error, light leak and the time of a query by interpolant and layout; " + FLOOR,
     "formats": "Bias (mean error over mean irradiance) in temporal mode by the format of the "
                "irradiance, the encoding's gamma, hysteresis and rounding. Dashed: rgba32f of the "
@@ -48,9 +48,9 @@ SAYS = {
                "whatever the storage; what a point lies below it is lost to storage",
     "speed_error": "Error against the time of a frame of 1080p (one update and one query a pixel) "
                    "and against the rays of an update, which no machine changes; a mark's area "
-                   "grows with the logarithm of the field's bytes, its shape tells the texels along "
-                   "an edge of the irradiance and of the moment map. Step line: Pareto front of all; "
-                   + FLOOR + "; dash-dotted: path tracing of every pixel in the time of the frame, "
+                   "grows with the logarithm of the field's bytes, its shape tells the texels "
+                   "along an edge of the irradiance and of the moment map. Step line: Pareto "
+                   "front of all; " + FLOOR + "; dash-dotted: path tracing of every pixel in the time of the frame, "
                    "from the noise and the time of the reference itself (the noise falls with the "
                    "root of the time; band: the least and the most of the seeds). The table "
                    "time_to_error says which setting is first within an error, by the time of its "

@@ -270,7 +270,8 @@ READABLE = ("cost", "time_to_error", "spread", "parameters")  # tables that are 
 # The axes that each one needs; a study of another name with the same axes gets the same figure.
 AXES = {"error_vs_n": {"probes", "layout"}, "thin_wall": {"probes", "params"},
         "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis"},
-        "texels": {"irradiance texels", "moment texels", "fixed"}, "interpolants": {"layout", "interpolant"},
+        "texels": {"irradiance texels", "moment texels", "fixed"},
+        "interpolants": {"layout", "interpolant"},
         "formats": {"format", "gamma", "hysteresis", "rounding"},
         "speed_error": set(SETTING), "grid_robustness": {"offset"},
         "bias_map": set(), "layout_tuning": {"layout"}}

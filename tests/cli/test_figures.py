@@ -522,7 +522,8 @@ class Files(FiguresTest):
         run = subprocess.run([PYTHON, "-B", "-c", DRAW_AND_CHECK, SOURCE / "scripts", *folders,
                               self.folder / "out"], capture_output=True, text=True, timeout=300)
         self.assertEqual((run.returncode, run.stdout, run.stderr), (0, "", ""))
-        self.assertIn("| normal_bias ", (self.folder / "out/layout_tuning_parameters.md").read_text())
+        parameters = (self.folder / "out/layout_tuning_parameters.md").read_text()
+        self.assertIn("| normal_bias ", parameters)
         for name in figures_tables.TABLES:
             self.assertTrue((self.folder / "out" / f"{name}.pdf").is_file(), name)
 
