@@ -181,23 +181,25 @@ def draw_rays_hysteresis(pyplot, study, tables):
     metrics = [m for m in ("nrmse", "flicker", "updates to 90 %", "updates to 99 %")
                if pick(rows, metric=m)]
     hysteresis = study.axis("hysteresis")
-    plain = [h for h in hysteresis if "," not in h]  # "0.97, warm-up 8": in the colour of 0.97
-    shade = dict(zip(plain, shades(pyplot, len(plain))))
-    styles = [{"color": shade.get(h.split(",")[0], "black"), "marker": MARKERS[i % len(MARKERS)],
-               "linestyle": "-" if h in plain else "--",
-               "markerfacecolor": shade[h] if h in plain else "white"}
-              for i, h in enumerate(hysteresis)]
-    sheet = Sheet(pyplot, len(scenes), len(metrics), 1.7,
-                  [f"hysteresis {h}" for h in hysteresis] + ["noise floor"], sharex=True,
+    series = [{"hysteresis": h, "warm-up": w} for h in hysteresis for w in study.axis("warm-up")
+              if pick(rows, **{"hysteresis": h, "warm-up": w})]
+    names = [f"hysteresis {s['hysteresis']}" + f", warm-up {s['warm-up']}" * (s["warm-up"] != "0")
+             for s in series]
+    shade = dict(zip(hysteresis, shades(pyplot, len(hysteresis))))
+    styles = [{"color": shade[s["hysteresis"]], "marker": MARKERS[i % len(MARKERS)],
+               "linestyle": "-" if s["warm-up"] == "0" else "--",
+               "markerfacecolor": shade[s["hysteresis"]] if s["warm-up"] == "0" else "white"}
+              for i, s in enumerate(series)]
+    sheet = Sheet(pyplot, len(scenes), len(metrics), 1.7, [*names, "noise floor"], sharex=True,
                   sharey="col", width=PAGE)
     floor = False
     for scene, line in zip(scenes, sheet.panels):
         for metric, panel in zip(metrics, line):
             of = pick(rows, scene=scene, metric=metric)
-            for i, h in enumerate(hysteresis):
-                points = sorted(pick(of, hysteresis=h), key=lambda r: float(r["rays"]))
+            for one, style in zip(series, styles):
+                points = sorted(pick(of, **one), key=lambda r: float(r["rays"]))
                 if points:
-                    draw_points(panel, [float(p["rays"]) for p in points], points, **styles[i])
+                    draw_points(panel, [float(p["rays"]) for p in points], points, **style)
             count_axis(panel.xaxis, [float(r) for r in study.axis("rays")])
             ratio_axis(panel.yaxis, values_with_floors(pick(rows, metric=metric)))
             floor = (metric == "nrmse" and draw_floor(panel, of, "metric")) or floor
@@ -207,8 +209,7 @@ def draw_rays_hysteresis(pyplot, study, tables):
                 panel.set_xlabel("rays a probe")
         line[0].set_ylabel(pretty(scene))
     handles = [pyplot.Line2D([], [], **style) for style in styles]
-    sheet.legend(handles + [floor_handle(pyplot)] * floor,
-                 [f"hysteresis {h}" for h in hysteresis] + ["noise floor"] * floor)
+    sheet.legend(handles + [floor_handle(pyplot)] * floor, names + ["noise floor"] * floor)
     return {"": sheet.figure}
 
 

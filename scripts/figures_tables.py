@@ -95,14 +95,13 @@ def tables_visibility_terms(study):
 
 def tables_rays_hysteresis(study):
     """Without updates to a level where one of the seeds did not settle within its run."""
-    rows = metric_rows(study, ["scene", "rays", "hysteresis"],
-                       {**NRMSE, "flicker": "temporal.flicker",
-                        "updates to 90 %": "temporal.updates_to_90",
-                        "updates to 99 %": "temporal.updates_to_99"})
-    ran = {(r["scene"], r["rays"], r["hysteresis"]): r["seeds"]
-           for r in rows if r["metric"] == "nrmse"}
+    keys = ["scene", "rays", "hysteresis", "warm-up"]
+    rows = metric_rows(study, keys, {**NRMSE, "flicker": "temporal.flicker",
+                                     "updates to 90 %": "temporal.updates_to_90",
+                                     "updates to 99 %": "temporal.updates_to_99"})
+    ran = {tuple(r[k] for k in keys): r["seeds"] for r in rows if r["metric"] == "nrmse"}
     return {"": [r for r in rows if r["metric"] not in ("updates to 90 %", "updates to 99 %")
-                 or r["seeds"] >= ran.get((r["scene"], r["rays"], r["hysteresis"]), 0)]}
+                 or r["seeds"] >= ran.get(tuple(r[k] for k in keys), 0)]}
 
 
 def tables_texels(study):
@@ -269,7 +268,7 @@ READABLE = ("cost", "time_to_error", "spread", "parameters")  # tables that are 
 
 # The axes that each one needs; a study of another name with the same axes gets the same figure.
 AXES = {"error_vs_n": {"probes", "layout"}, "thin_wall": {"probes", "params"},
-        "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis"},
+        "visibility_terms": {"terms"}, "rays_hysteresis": {"rays", "hysteresis", "warm-up"},
         "texels": {"irradiance texels", "moment texels", "fixed"},
         "interpolants": {"layout", "interpolant"},
         "formats": {"format", "gamma", "hysteresis", "rounding"},
