@@ -55,7 +55,8 @@ class TuneTest(CliTest):
 
 class Tune(TuneTest):
     def test_result_and_file(self):
-        result = self.tune()
+        # A bias that is too large here for certain; the preset itself may be hard to better.
+        result = self.tune("--set", "normal_bias=0.4")
         for name in ("scenes", "from", "parameters", "singular_values", "correlation", "cost",
                      "settled", "rounds", "outer", "starts", "evaluations", "gradients", "error",
                      "summary", "gains", "scores", "params", "fields", "seconds", "provenance"):
@@ -78,7 +79,7 @@ class Tune(TuneTest):
             self.assertEqual(values[p["key"]], p["tuned"])
             self.assertGreaterEqual(p["tuned"], p["low"])
             self.assertLessEqual(p["tuned"], p["high"])
-        self.assertIn("x s_i, was 0.1", text)
+        self.assertIn("x s_i, was 0.4", text)
         self.assertIn("night (not tuned on)", text)
 
     def test_scores_are_those_of_evaluate(self):
