@@ -10,6 +10,7 @@ matplotlib.
 import argparse
 import concurrent.futures
 import csv
+import hashlib
 import json
 import lzma
 import os
@@ -61,10 +62,18 @@ def block_errors(dump, bounds):
     return {k: float(f"{v / product:.4g}") for k, v in sorted(blocks.items())}
 
 
+def params_name(params):
+    """A preset's name and a hash of its values, which may be others one day; or a file's."""
+    path = ROOT / "core/ddgi/presets" / f"{params}.toml"
+    path = path if path.is_file() else ROOT / params
+    values = json.dumps(tomllib.loads(path.read_text()), sort_keys=True)
+    return f"{params}:{hashlib.sha256(values.encode()).hexdigest()[:8]}"
+
+
 def settings_of(study):
     """What all runs share, as one text: rows of other settings do not mix."""
-    return " ".join(f"{k}={study[k]}" for k in ("params", "rays", "updates", "receivers",
-                                                "rel_error"))
+    others = " ".join(f"{k}={study[k]}" for k in ("rays", "updates", "receivers", "rel_error"))
+    return f"params={params_name(study['params'])} {others}"
 
 
 def plan(study, parts):

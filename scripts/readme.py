@@ -104,7 +104,7 @@ def placement(published):
     return aligned(rows) + "\n\n" + about[:1].upper() + about[1:] + ".\n"
 
 
-SETTINGS = {"probelab": "`probelab`", "tuned": "tuned on the scene",
+SETTINGS = {"from": "`probelab`", "tuned": "tuned on the scene",
             "left_out": "tuned on the other scenes", "shared": "tuned on all scenes"}
 
 
