@@ -108,6 +108,11 @@ SETTINGS = {"from": "`probelab`", "tuned": "tuned on the scene",
             "left_out": "tuned on the other scenes", "shared": "tuned on all scenes"}
 
 
+def seeds_text(seeds):
+    return (f"Seeds {', '.join(map(str, sorted(seeds)))}" if len(seeds) > 1
+            else "One seed, whose intervals are over blocks of space alone")
+
+
 def tuning(published):
     """The summary of tuning.md, a row a setting."""
     found = summary(published / "tuning" / "tuning.md")
@@ -118,9 +123,12 @@ def tuning(published):
         if same and other:
             rows.append([title, same[2], same[3], *(f"{c[4]} {c[5]}" for c in (same, other)),
                          *other[6:8]])
-    seeds = sorted({r["seed"] for r in load_rows(published / "tuning") if r["layout"] == "tuned"})
-    about = (f"Seeds {', '.join(map(str, seeds))}" if len(seeds) > 1
-             else "One seed, whose intervals are over blocks of space alone")
+    seeds = {}
+    for row in load_rows(published / "tuning"):
+        seeds.setdefault(row["layout"], set()).add(row["seed"])
+    about = seeds_text(seeds["tuned"])
+    if "left_out" in seeds and seeds["left_out"] != seeds["tuned"]:
+        about += "; on the other and on all scenes: " + seeds_text(seeds["left_out"]).lower()
     return f"{aligned(rows)}\n\n{about}.\n"
 
 
