@@ -196,15 +196,15 @@ def differing(cells):
 
 def of_one_kind(folder, name, cells):
     """Of cells whose common options differ (sizes of a study that set their own), or their axes
-    (the study was another one), those of the commonest kind, which alone can be compared; and a
-    text for the rest."""
-    by_axes = {}
+    (the study was another one), those of one kind, which alone can be compared: the commonest, but
+    of axes those of the last run; and a text for the rest."""
+    by_axes, listed = {}, listed_ids(folder / f"{name}.csv")
     for cell in cells:
         by_axes.setdefault(tuple(cell.axes), []).append(cell)
-    best = max(by_axes.values(), key=len)
+    best = max(by_axes.values(), key=lambda of: (sum(c.id in listed for c in of), len(of)))
     others = [f"{count(len(cells) - len(best), 'cell')} with other axes left out"] \
         * (len(by_axes) > 1)
-    path, listed, names = study_file(name), listed_ids(folder / f"{name}.csv"), differing(best)
+    path, names = study_file(name), differing(best)
     if path:
         varied = options_of_axes(path)
         names = [n for n in names if n.split(" ")[0] not in varied]

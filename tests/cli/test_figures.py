@@ -277,7 +277,7 @@ class Kinds(FiguresTest):
         ids = "".join(f"{i:016x}\n" for i in listed)
         (folder / "mine.csv").write_text("id\n" + ids)
         study, = figures_cells.load_folder(folder)[0]
-        return sorted((int(c.axes["probes"]), c.axes["layout"],
+        return sorted((int(c.axes["probes"]), c.axes.get("layout"),
                        *c.result["cell"]["options"]["count"])
                       for c in study.cells), study.left_out
 
@@ -334,6 +334,7 @@ class Kinds(FiguresTest):
         cells = [sized(8), sized(16), sized(32)]
         del cells[2]["cell"]["axes"]["layout"]
         self.assertEqual(self.kept(cells)[1], ["1 cell with other axes left out"])
+        self.assertEqual(self.kept(cells, [2])[1], ["2 cells with other axes left out"])
 
     def test_scene_and_state_are_one_axis(self):
         cells = [cell("mine", scene=scene, state=state, probes=n, layout="grid",
