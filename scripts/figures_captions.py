@@ -40,7 +40,8 @@ SAYS = {
                        + FLOOR,
     "texels": "Error and light leak by the texels along an edge of the irradiance and moment maps, "
               "at one number of probes and at one number of bytes of texels, where finer maps "
-              "leave fewer probes; points of one moment map stand side by side; " + FLOOR,
+              "leave fewer probes, in another lattice each, which alone moves the error (see "
+              "grid_robustness); points of one moment map stand side by side; " + FLOOR,
     "interpolants": "Error, light leak and the time of a query by interpolant and layout; " + FLOOR,
     "formats": "Bias (mean error over mean irradiance) in temporal mode by the format of the "
                "irradiance, the encoding's gamma, hysteresis and rounding. Dashed: rgba32f of the "
