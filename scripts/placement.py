@@ -431,11 +431,12 @@ def main():
         runner = Study(options.narrowed, options, folder)
         finished = runner.all(groups)
         rows, failures = runner.rows, runner.failures
-    others = [r for r in rows if r["settings"] != settings_of(study)]
+    settings = settings_of(study)
+    others = [r for r in rows if r["settings"] != settings]
     if others:
         print(f"placement: {len(others)} rows were made with other settings and do not count",
               file=sys.stderr)
-    rows = [r for r in rows if r["settings"] == settings_of(study)]
+    rows = [r for r in rows if r["settings"] == settings]
     if not options.report:  # budgets that were asked for count though the study has others
         study = study | {"probes": sorted({*study["probes"], *options.narrowed["probes"]})}
     text = report(study, rows, failures)

@@ -276,11 +276,12 @@ def main():
         runner = TuningStudy(options.narrowed, options, folder)
         finished = runner.everything(options.parts)
         rows, failures = runner.rows, runner.failures
-    others = [r for r in rows if r["settings"] != identity(study)]
+    settings = identity(study)
+    others = [r for r in rows if r["settings"] != settings]
     if others:
         print(f"tuning: {len(others)} rows were made with other settings and do not count",
               file=sys.stderr)
-    rows = [r for r in rows if r["settings"] == identity(study)]
+    rows = [r for r in rows if r["settings"] == settings]
     if not options.report:  # budgets that were asked for count though the study has others
         study = study | {"probes": sorted({*study["probes"], *options.narrowed["probes"]})}
     text = report(study, rows, failures)
