@@ -128,7 +128,9 @@ void fillCovariance(const TuneObjective& objective, const Eigen::MatrixXd& v, So
   }
 }
 
-double sensitivityOf(const TuneObjective& objective, const SolveResult& result, std::size_t key) {
+// `cost` at the result by the same scalar evaluation: with Jets the sum rounds otherwise.
+double sensitivityOf(const TuneObjective& objective, const SolveResult& result, double cost,
+                     std::size_t key) {
   constexpr double kStep = 0.1;
   double rise = 0;
   int sides = 0;
@@ -136,10 +138,10 @@ double sensitivityOf(const TuneObjective& objective, const SolveResult& result, 
     Point x = result.x;
     x[key] += step;
     if (x[key] < 0 || x[key] > 1) continue;
-    rise += evaluateCost(objective, x) / result.cost - 1;
+    rise += evaluateCost(objective, x) / cost - 1;
     ++sides;
   }
-  return sides > 0 && result.cost > 0 ? rise / sides : 0;
+  return sides > 0 && cost > 0 ? rise / sides : 0;
 }
 
 }  // namespace
@@ -180,8 +182,9 @@ void describeOptimum(const TuneObjective& objective, SolveResult& result) {
   const Eigen::VectorXd values = svd.singularValues();
   result.singular_values.assign(values.data(), values.data() + values.size());
   fillCovariance(objective, svd.matrixV(), result);
+  const double cost = evaluateCost(objective, result.x);
   for (std::size_t k = 0; k < result.x.size(); ++k)
-    result.sensitivity.push_back(sensitivityOf(objective, result, k));
+    result.sensitivity.push_back(sensitivityOf(objective, result, cost, k));
 }
 
 }  // namespace probelab
