@@ -74,18 +74,6 @@ inline void forPoints(const Geometry& g,
       }
 }
 
-// n x n quads over (u, v) in the unit square, without shared vertices; front where du x dv points.
-inline void addSheet(SceneBuilder& builder, int n, uint32_t material,
-                     const std::function<Vec3f(float, float)>& at) {
-  const auto p = [&](int i, int j) {
-    return at(static_cast<float>(i) / static_cast<float>(n),
-              static_cast<float>(j) / static_cast<float>(n));
-  };
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j)
-      builder.quad(p(i, j), p(i + 1, j), p(i + 1, j + 1), p(i, j + 1), material);
-}
-
 // A closed box, fronts outward; the sheets meet in bitwise equal positions.
 inline void addBox(SceneBuilder& builder, int n, uint32_t m, const Vec3f& size) {
   for (const float side : {0.0f, 1.0f})

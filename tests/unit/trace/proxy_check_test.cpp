@@ -18,18 +18,6 @@
 namespace probelab::test {
 namespace {
 
-// n x n quads over (u, v) in the unit square.
-void addSheet(SceneBuilder& builder, int n, uint32_t material,
-              const std::function<Vec3f(float, float)>& at) {
-  const auto p = [&](int i, int j) {
-    return at(static_cast<float>(i) / static_cast<float>(n),
-              static_cast<float>(j) / static_cast<float>(n));
-  };
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j)
-      builder.quad(p(i, j), p(i + 1, j), p(i + 1, j + 1), p(i, j + 1), material);
-}
-
 // A wall of 1 m by 1 m and `thickness` along z, whose faces wave together; its rim is closed.
 Scene wavyWall(float thickness) {
   SceneBuilder builder;
