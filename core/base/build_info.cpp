@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/build_info.h"
 
+#include "version.h"  // written by core/cmake/WriteVersion.cmake
+
 namespace probelab {
 
 BuildInfo buildInfo() {
