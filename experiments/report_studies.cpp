@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/files.h"
+#include "result_numbers.h"
 
 namespace probelab {
 namespace {
@@ -46,24 +47,17 @@ std::string unitOf(const std::string& name) {
   return unit;
 }
 
+using NamedTexts = std::vector<std::pair<std::string, std::string>>;
+
+NamedTexts::const_iterator findNamed(const NamedTexts& texts, const std::string& name) {
+  return std::ranges::find_if(texts, [&](const auto& text) { return text.first == name; });
+}
+
 struct Cell {
   std::string id, command;
-  std::vector<std::pair<std::string, std::string>> axes, provenance;
+  NamedTexts axes, provenance;
   std::map<std::string, Json> numbers;
 };
-
-// Numbers and truth values under `json`, by their dotted names.
-void addNumbers(const Json& json, const std::string& name, Cell& cell,
-                std::vector<std::string>& columns) {
-  if (json.is_object()) {
-    for (const auto& [key, value] : json.items())
-      addNumbers(value, name.empty() ? key : name + "." + key, cell, columns);
-    return;
-  }
-  if (!json.is_number() && !json.is_boolean()) return;
-  if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
-  cell.numbers[name] = json;
-}
 
 std::string plainText(const Json& value) {
   return value.is_string() ? value.get<std::string>() : value.dump();
@@ -90,7 +84,10 @@ Cell readCellFile(const fs::path& path, std::vector<std::string>& columns) {
     cell.command = plainText(provenance["command"]);
   json["seconds"] = json["cell"].value("seconds", Json());
   for (const char* left_out : {"cell", "provenance", "params", "seed"}) json.erase(left_out);
-  addNumbers(json, "", cell, columns);
+  visitNumbers(json, [&](const std::string& name, const Json& value) {
+    if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
+    cell.numbers[name] = value;
+  });
   return cell;
 }
 
@@ -139,8 +136,7 @@ Json rowsJson(const std::vector<Cell>& cells, const std::vector<std::string>& ax
   for (const Cell& cell : cells) {
     Json values = Json::array();
     for (const std::string& axis : axes) {
-      const auto found = std::find_if(cell.axes.begin(), cell.axes.end(),
-                                      [&](const auto& pair) { return pair.first == axis; });
+      const auto found = findNamed(cell.axes, axis);
       values.push_back(found == cell.axes.end() ? Json(nullptr) : Json(found->second));
     }
     for (const std::string& name : numbers) {
@@ -170,6 +166,22 @@ Json provenanceJson(const std::vector<Cell>& cells) {
   return json;
 }
 
+// Cells of several versions or devices are no repetitions: what differs becomes a column.
+void tellApart(std::vector<Cell>& cells) {
+  for (const char* name : {"version", "device"}) {
+    std::vector<std::string> values;
+    for (const Cell& cell : cells) {
+      const auto found = findNamed(cell.provenance, name);
+      values.push_back(found == cell.provenance.end() ? "" : found->second);
+    }
+    const bool same =
+        std::ranges::adjacent_find(values, std::ranges::not_equal_to()) == values.end();
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      if (!same && findNamed(cells[i].axes, name) == cells[i].axes.end())
+        cells[i].axes.emplace_back(name, values[i]);
+  }
+}
+
 Json studyJson(const fs::path& folder) {
   std::vector<Cell> cells;
   std::vector<std::string> axes, numbers, order;
@@ -184,6 +196,7 @@ Json studyJson(const fs::path& folder) {
            {"error", fmt::format("{}: {}", file.filename().string(), error.what())}});
     }
   }
+  tellApart(cells);
   for (const Cell& cell : cells)
     for (const auto& [name, value] : cell.axes)
       if (std::find(axes.begin(), axes.end(), name) == axes.end()) axes.push_back(name);

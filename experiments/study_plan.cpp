@@ -150,6 +150,33 @@ std::map<std::string, std::vector<std::string>> readBeside(const Reader& read,
   return beside;
 }
 
+std::string readAxisName(const Reader& read, const toml::table& table, const toml::node& node) {
+  const std::string name = read.text(node, "name");
+  for (const char* own : {"scene", "state", "seed"})
+    if (name == own)
+      throwInput("{}: '{}' is an axis of every study; see {}s", read.at(table), own, own);
+  for (const char* own : {"id", "seconds"})
+    if (name == own)
+      throwInput("{}: '{}' is a column of every study's table; give the axis another name",
+                 read.at(table), own);
+  return name;
+}
+
+// `above`: the axes before its own.
+StudyAxisValue readAxisValue(const Reader& read, const toml::node& entry,
+                             const std::vector<StudyAxis>& above) {
+  if (!entry.is_table()) throwInput("{}: write values as [[axis.value]]", read.at(entry));
+  const toml::table& table = *entry.as_table();
+  read.checkKeys(table, kValueKeys);
+  if (table.get("name") == nullptr) throwInput("{}: a value needs a name", read.at(entry));
+  StudyAxisValue value{read.text(*table.get("name"), "name"), {}, {}, {}};
+  if (const toml::node* options = table.get("options")) value.options = read.options(*options);
+  if (const toml::node* command = table.get("command")) value.command = read.command(*command);
+  if (const toml::node* beside = table.get("with"))
+    value.beside = readBeside(read, *beside, above);
+  return value;
+}
+
 // `above`: the axes before it.
 StudyAxis readAxis(const Reader& read, const toml::node& node,
                    const std::vector<StudyAxis>& above) {
@@ -161,32 +188,14 @@ StudyAxis readAxis(const Reader& read, const toml::node& node,
     throwInput("{}: an axis needs '{}'", read.at(table), key);
   };
   StudyAxis axis;
-  axis.name = read.text(need("name"), "name");
-  for (const char* own : {"scene", "state", "seed"})
-    if (axis.name == own)
-      throwInput("{}: '{}' is an axis of every study; see {}s", read.at(table), own, own);
-  for (const char* own : {"id", "seconds"})
-    if (axis.name == own)
-      throwInput("{}: '{}' is a column of every study's table; give the axis another name",
-                 read.at(table), own);
-  if (table.get("value") != nullptr) {
+  axis.name = readAxisName(read, table, need("name"));
+  if (const toml::node* values = table.get("value")) {
     for (const char* other : {"option", "values"})
       if (const toml::node* found = table.get(other))
         throwInput("{}: an axis has [[axis.value]] or option and values, not both",
                    read.at(*found));
-    for (const toml::node& entry : read.list(*table.get("value"), "value")) {
-      if (!entry.is_table()) throwInput("{}: write values as [[axis.value]]", read.at(entry));
-      const toml::table& value = *entry.as_table();
-      read.checkKeys(value, kValueKeys);
-      if (value.get("name") == nullptr) throwInput("{}: a value needs a name", read.at(entry));
-      axis.values.push_back({read.text(*value.get("name"), "name"), {}, {}, {}});
-      if (const toml::node* options = value.get("options"))
-        axis.values.back().options = read.options(*options);
-      if (const toml::node* command = value.get("command"))
-        axis.values.back().command = read.command(*command);
-      if (const toml::node* beside = value.get("with"))
-        axis.values.back().beside = readBeside(read, *beside, above);
-    }
+    for (const toml::node& entry : read.list(*values, "value"))
+      axis.values.push_back(readAxisValue(read, entry, above));
   } else {
     const std::string option = read.text(need("option"), "option");
     for (const toml::node& entry : read.list(need("values"), "values")) {
@@ -298,17 +307,30 @@ void applySize(const Reader& read, const toml::table& table, const std::string& 
   }
 }
 
-// An option that two axes set would be the later one's, whatever the earlier one says.
+// What a value sets: its options, and of `set` and `option` the parameters and options by name.
+std::vector<std::string> namesSetBy(const StudyAxisValue& value) {
+  std::vector<std::string> names;
+  for (const auto& [option, values] : value.options) {
+    if (option != "set" && option != "option") {
+      names.push_back(option);
+      continue;
+    }
+    for (const std::string& pair : values)
+      names.push_back(fmt::format("{} {}", option, pair.substr(0, pair.find('='))));
+  }
+  return names;
+}
+
+// What two axes set would be the later one's, whatever the earlier one says.
 void checkAxes(const Reader& read, const StudyPlan& plan) {
   std::map<std::string, std::string> set_by;
   for (const StudyAxis& axis : plan.axes)
     for (const StudyAxisValue& value : axis.values)
-      for (const auto& [option, values] : value.options) {
-        if (option == "set" || option == "option") continue;
-        const auto [other, is_new] = set_by.try_emplace(option, axis.name);
+      for (const std::string& name : namesSetBy(value)) {
+        const auto [other, is_new] = set_by.try_emplace(name, axis.name);
         if (!is_new && other->second != axis.name)
           throwInput("{}: the axes '{}' and '{}' both set '{}'", read.path, other->second,
-                     axis.name, option);
+                     axis.name, name);
       }
 }
 

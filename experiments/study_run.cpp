@@ -22,6 +22,7 @@
 #include "base/files.h"
 #include "base/interrupt.h"
 #include "base/progress.h"
+#include "result_numbers.h"
 
 namespace probelab {
 namespace {
@@ -138,6 +139,16 @@ Json describeCell(const Study& study, const StudyCell& cell, double seconds) {
           {"axes", axes},  {"options", options},  {"seconds", seconds}};
 }
 
+// A result that was found, where the study has other names for its axes by now.
+void renameCell(const Study& study, const StudyRun& run, const StudyCell& cell, Json& result) {
+  Json& own = result["cell"];
+  const Json now = describeCell(study, cell, own.value("seconds", 0.0));
+  if (own.value("axes", Json()) == now["axes"] && own.value("study", Json()) == now["study"])
+    return;
+  own = now;
+  writeTextFile(cellFile(run, cell), result.dump(1) + "\n");
+}
+
 // The child's output as the cell's result; an error text where it is none.
 std::string keepResult(const Study& study, const StudyRun& run, const Child& child) {
   Json result = Json::parse(readTextFile(child.output), nullptr, false);
@@ -161,7 +172,12 @@ class CellRunner {
     removeLeftOvers(invocation_.common.cache);
     std::vector<const StudyCell*> missing;
     for (const StudyCell* cell : cells)
-      readCell(run_, *cell) ? void(++outcome_.found) : missing.push_back(cell);
+      if (std::optional<Json> found = readCell(run_, *cell)) {
+        renameCell(study_, run_, *cell, *found);
+        ++outcome_.found;
+      } else {
+        missing.push_back(cell);
+      }
     planWork(missing);
     Progress progress(study_.name, total_, invocation_.common.quiet);
     std::size_t next = 0;
@@ -261,19 +277,6 @@ class CellRunner {
   StudyOutcome outcome_;
 };
 
-// Appends the numbers under `json` by their dotted names.
-void addNumbers(const Json& json, const std::string& name, std::map<std::string, std::string>& row,
-                std::vector<std::string>& columns) {
-  if (json.is_object()) {
-    for (const auto& [key, value] : json.items())
-      addNumbers(value, name.empty() ? key : name + "." + key, row, columns);
-    return;
-  }
-  if (!json.is_number() && !json.is_boolean()) return;
-  if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
-  row[name] = json.dump();
-}
-
 // A number that is called as an axis is must not stand in its place.
 void renameColumn(const std::string& axis, std::map<std::string, std::string>& row,
                   std::vector<std::string>& columns) {
@@ -372,7 +375,10 @@ std::string studyTable(const Study& study, const StudyRun& run) {
     const double seconds = (*result)["cell"].value("seconds", 0.0);
     for (const char* left_out : {"cell", "provenance", "params", "seed"}) result->erase(left_out);
     rows.emplace_back(&cell, std::map<std::string, std::string>{});
-    addNumbers(*result, "", rows.back().second, columns);
+    visitNumbers(*result, [&](const std::string& name, const Json& value) {
+      if (std::find(columns.begin(), columns.end(), name) == columns.end()) columns.push_back(name);
+      rows.back().second[name] = value.dump();
+    });
     for (const std::string& axis : study.axes) renameColumn(axis, rows.back().second, columns);
     rows.back().second["seconds"] = fmt::format("{:.3g}", seconds);
   }

@@ -87,6 +87,30 @@ class Studies(ReportTest):
         self.assertEqual(data["studies"][0]["provenance"], [
             ["version", "9"], ["device", "one (1 of 3 cells)"], ["device", "two (2 of 3 cells)"]])
 
+    def test_cells_of_two_versions_are_told_apart(self):
+        for name, version in (("a", "1"), ("b", "2")):
+            write_cell(self.folder / "cells", name, {"probes": "8"},
+                       provenance={"version": version, "device": "one"})
+        _, data = self.page(".")
+        study, = data["studies"]
+        self.assertEqual([c["name"] for c in study["columns"] if c["kind"] == "axis"],
+                         ["probes", "version"])
+        self.assertEqual([r["values"][:2] for r in study["rows"]], [["8", "1"], ["8", "2"]])
+
+    def test_entries_of_lists_go_by_their_names(self):
+        write_cell(self.folder / "cells", "a", {}, rungs=[{"name": "exact", "nrmse": 0.5},
+                                                          {"name": "field", "nrmse": 0.75}],
+                   scores=[{"scene": "room", "state": s, "settings": [
+                       {"setting": "tuned", "heldout": {"nrmse": 0.1}, "blocks": {"0,0,0": 3}}]}
+                       for s in ("day", "night")], rounds=[{"cost": 1}], twice=[{"name": "x", "y": 1}] * 2)
+        _, data = self.page(".")
+        study, = data["studies"]
+        names = [column["name"] for column in study["columns"]]
+        row = dict(zip(names, study["rows"][0]["values"]))
+        self.assertEqual((row["rungs.exact.nrmse"], row["rungs.field.nrmse"]), (0.5, 0.75))
+        self.assertEqual(row["scores.room.night.settings.tuned.heldout.nrmse"], 0.1)
+        self.assertFalse([n for n in names if "blocks" in n or n.startswith(("rounds", "twice"))])
+
     def test_failures_are_damaged_cells_and_logs_without_a_cell(self):
         write_cell(self.folder / "cells", "fine", {})
         (self.folder / "cells" / "half.json").write_text('{"error": {"nrm')

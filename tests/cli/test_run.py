@@ -123,6 +123,20 @@ class RunTest(CliTest):
         self.assertEqual(self.study("--size", "smoke")["done"], 1)  # a damaged cell is missing
         self.assertEqual(self.cells(), kept)
 
+    def test_what_is_found_has_the_names_of_now(self):
+        self.study("--size", "smoke")
+        old = self.cells()
+        self.write(STUDY.replace('name = "layout"', 'name = "where"').replace(
+            'name = "grid"', 'name = "lattice"'))
+        again = self.study("--size", "smoke")
+        self.assertEqual((again["done"], again["found"]), (0, 2))
+        found = self.cells()
+        self.assertEqual([r["cell"]["axes"]["where"] for r in found.values()],
+                         [{"grid": "lattice"}.get(name, name) for name in
+                          (old[i]["cell"]["axes"]["layout"] for i in found)])
+        for i, result in found.items():
+            self.assertEqual({**result, "cell": None}, {**old[i], "cell": None})
+
     def test_a_cell_is_what_the_command_says(self):
         self.study("--size", "smoke")
         for cell in self.cells().values():
@@ -237,6 +251,10 @@ class RunTest(CliTest):
         result, = self.cells().values()
         self.assertEqual((result["cell"]["command"], result["rungs"][0]["name"]),
                          ("budget", "exact"))
+        with open(self.folder / "out/study.csv", newline="") as file:
+            row, = csv.DictReader(file)
+        for rung in result["rungs"]:
+            self.assertEqual(float(row[f"rungs.{rung['name']}.nrmse"]), rung["nrmse"])
 
     def test_results_that_cannot_be_written(self):
         (self.folder / "file").write_text("")
@@ -258,6 +276,10 @@ class RunTest(CliTest):
                 self.assertIn(part, error)
         expect(STUDY.replace('name = "grid"', 'name = "grid"\noptions = { probes = 3 }'),
                "'probes' and 'layout' both set 'probes'")
+        both = STUDY.replace('name = "grid"', 'name = "grid"\noptions = { set = ["rays=8"] }')
+        expect(both.replace("[size.smoke]", '[[axis]]\nname = "more"\n[[axis.value]]\nname = "x"\n'
+                            'options = { set = ["view_bias=0.1", "rays=9"] }\n[size.smoke]'),
+               "'layout' and 'more' both set 'set rays'")
         expect(STUDY.replace("[1, 2]", "[1, 1]"), "seed 1 stands twice")
         expect(STUDY.replace('["room.toml"]', '["room.toml", "./room.toml"]'), "stands twice")
         expect(STUDY.replace('"all"', '["day", "nigth"]'), "'nigth'", "did you mean 'night'")
