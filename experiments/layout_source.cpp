@@ -70,6 +70,23 @@ void writeCached(const fs::path& path, const ProbeLayout& layout, const Scene& s
   writeLayout(path, layout, scene);
 }
 
+// Found in the cache (an empty folder holds nothing), or made, and kept where that took long.
+// `found_s` grows by what making the found ones once took.
+ProbeLayout cachedLayout(const std::string& cache, const Scene& scene, const Strategy& strategy,
+                         const PlacementInput& input, double& found_s) {
+  const fs::path path = cache.empty() ? "" : cachePath(cache, scene, strategy, input);
+  if (!cache.empty())
+    if (std::optional<ProbeLayout> found = readCached(path, scene)) {
+      found_s += found->build_s;
+      return *found;
+    }
+  const double found_before_s = found_s;
+  ProbeLayout layout = placeProbes(strategy.name, input);
+  layout.build_s += found_s - found_before_s;
+  if (!cache.empty() && layout.build_s > kCachedFromSeconds) writeCached(path, layout, scene);
+  return layout;
+}
+
 // Of options NAME=VALUE.
 std::set<std::string> givenNames(const std::vector<std::string>& pairs) {
   std::set<std::string> names;
@@ -100,6 +117,10 @@ ProbeLayout obtainLayout(const PlacementScene& of, const FieldOptions& options,
   const Scene scene = trainScene(of.scene);
   Training training(scene, of.embree, of.reachability,
                     {.receivers = trainReceivers(options.probes), .seed = seed});
+  double found_s = 0;
+  const auto other = [&](const std::string& name, const PlacementInput& input) {
+    return cachedLayout(cache, of.scene, findStrategy(name), input, found_s);
+  };
   const PlacementInput input = {.scene = scene,
                                 .embree = of.embree,
                                 .reachability = of.reachability,
@@ -109,13 +130,9 @@ ProbeLayout obtainLayout(const PlacementScene& of, const FieldOptions& options,
                                 .seed = seed,
                                 .options = resolveOptions(strategy, strategyOptionPairs(options)),
                                 .given = givenNames(strategyOptionPairs(options)),
-                                .progress = progress};
-  const fs::path cached = cache.empty() ? "" : cachePath(cache, of.scene, strategy, input);
-  if (!cached.empty())
-    if (std::optional<ProbeLayout> found = readCached(cached, of.scene)) return *found;
-  ProbeLayout layout = placeProbes(strategy.name, input);
-  if (!cached.empty() && layout.build_s > kCachedFromSeconds) writeCached(cached, layout, of.scene);
-  return layout;
+                                .progress = progress,
+                                .other = other};
+  return cachedLayout(cache, of.scene, strategy, input, found_s);
 }
 
 }  // namespace probelab

@@ -20,14 +20,14 @@ constexpr int kMostRefinement = 1024;  // of its points over N
 // Lattices by their number of points; remembers the one with the most usable points within N.
 class Search {
  public:
-  Search(const PlacementInput& input, const LatticeBox& box, double vertical)
-      : input_(input), box_(box), vertical_(vertical) {}
+  Search(const PlacementInput& input, const LatticeBox& box, double vertical, double offset)
+      : input_(input), box_(box), vertical_(vertical), offset_(offset) {}
 
   // Usable points of the lattice with up to `points` points.
   int tryPoints(int points) { return tryCount(cubicCounts(edges(), points, 1)); }
   int tryCount(const Vec3i& count) {
     if (count == last_) return last_usable_;
-    const Lattice lattice = latticeIn(input_, box_, count);
+    const Lattice lattice = moved(latticeIn(input_, box_, count));
     const std::vector<uint8_t> keep = usablePoints(lattice, input_);
     const auto usable = static_cast<int>(std::ranges::count(keep, uint8_t{1}));
     if (usable <= input_.probes && usable > best_usable_) best_ = lattice, best_usable_ = usable;
@@ -44,9 +44,21 @@ class Search {
   const Lattice& best() const { return best_; }
 
  private:
+  // By the offset along every axis, and a point longer, so that it fills the box all the same.
+  Lattice moved(Lattice lattice) const {
+    if (offset_ == 0) return lattice;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (lattice.count[axis] == 1) continue;
+      const double back = offset_ > 0 ? offset_ - 1 : offset_;
+      lattice.first[axis] += lattice.spacing[axis] * static_cast<float>(back);
+      ++lattice.count[axis];
+    }
+    return lattice;
+  }
+
   const PlacementInput& input_;
   const LatticeBox& box_;
-  double vertical_;
+  double vertical_, offset_;
   Vec3i last_{0, 0, 0};
   int last_usable_ = 0;
   Lattice best_;
@@ -55,11 +67,12 @@ class Search {
 
 }  // namespace
 
-Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical) {
+Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical,
+                      double offset) {
   const int probes = input.probes;
   const int most = static_cast<int>(std::clamp<long long>(
       static_cast<long long>(probes) * kMostRefinement, probes, std::max(kMostPoints, probes)));
-  Search search(input, box, vertical);
+  Search search(input, box, vertical, offset);
   int few = probes, many = probes;
   while (search.tryPoints(many) <= probes && many < most) {
     few = many;
@@ -77,9 +90,10 @@ Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double
   return search.best();
 }
 
-ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep, const LayoutFinish& finish) {
+ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep, const LayoutFinish& finish,
+                              double offset) {
   const auto layoutIn = [&](const LatticeBox& box, double vertical) {
-    ProbeLayout layout = usableLayout(sparseLattice(input, box, vertical), input);
+    ProbeLayout layout = usableLayout(sparseLattice(input, box, vertical, offset), input);
     return finish ? finish(layout) : layout;
   };
   if (!sweep) return layoutIn({true, 0.05}, 1);
@@ -103,9 +117,11 @@ const Strategy kGridSparseStrategy = {
     "grid_sparse",
     "a lattice refined until N of its points lie in free space",
     {{"sweep", "on", "on | off",
-      "try boxes, insets and shapes of the cell and take the best on the train receivers"}},
+      "try boxes, insets and shapes of the cell and take the best on the train receivers"},
+     {"offset", "0", "-0.5 .. 0.5", "shift of the lattice along every axis, x its spacing"}},
     [](const PlacementInput& input) {
-      return bestSparseLattice(input, choiceOption(input, "sweep", {"on", "off"}) == 0);
+      return bestSparseLattice(input, choiceOption(input, "sweep", {"on", "off"}) == 0, {},
+                               numberOption(input, "offset", -0.5, 0.5));
     }};
 
 }  // namespace probelab

@@ -47,14 +47,19 @@ PlacementInput partOf(const PlacementInput& input, double from, double to) {
   return part;
 }
 
-// The best lattice there is, sparse or not; or a sparse one that nobody has scored.
+// The best lattice there is, sparse or not; or a sparse one that nobody has scored. Its evaluations
+// are those of both lattices' searches, whether they ran now or before.
 ProbeLayout startLayout(const PlacementInput& input) {
   if (choiceOption(input, "start", {"best", "sparse"}) == 1) return bestSparseLattice(input, false);
-  ProbeLayout sparse = bestSparseLattice(partOf(input, 0, 0.15), true);
-  ProbeLayout full = bestLattice(partOf(input, 0.15, 0.3));
-  return input.training.score(full, input.params) < input.training.score(sparse, input.params)
-             ? full
-             : sparse;
+  ProbeLayout sparse = otherLayout(kGridSparseStrategy.name, partOf(input, 0, 0.15));
+  ProbeLayout full = otherLayout(kGridBestStrategy.name, partOf(input, 0.15, 0.3));
+  const uint64_t evaluations = sparse.evaluations + full.evaluations;
+  ProbeLayout& best =
+      input.training.score(full, input.params) < input.training.score(sparse, input.params)
+          ? full
+          : sparse;
+  best.evaluations = evaluations + 2;
+  return std::move(best);
 }
 
 // What the search learns from: receivers and generated lights that nobody else has.
@@ -133,14 +138,15 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   const bool check = choiceOption(input, "check", {"on", "off"}) == 0;
   const auto wall_gap = static_cast<float>(wallGap(input, own_only));
   const TrainingSettings settings = searchSettings(input, own_only);
-  const uint64_t before = input.training.evaluations();
   const ProbeLayout start = startLayout(input);
+  const uint64_t before = input.training.evaluations();
   Training training(input.scene, input.embree, input.reachability, settings);
   ProbeLayout layout = searchLayout(input, training.data(), start, wall_gap);
   if (check && input.training.score(start, input.params, own_only) <
                    input.training.score(layout, input.params, own_only))
     layout = start;
-  layout.evaluations = training.evaluations() + input.training.evaluations() - before;
+  layout.evaluations = start.evaluations + training.evaluations() + input.training.evaluations() -
+                       before;
   return layout;
 }
 

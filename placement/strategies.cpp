@@ -109,6 +109,13 @@ OptionValues resolveOptions(const Strategy& strategy, const std::vector<std::str
   return values;
 }
 
+ProbeLayout otherLayout(const std::string& strategy, const PlacementInput& input) {
+  PlacementInput of_other = input;
+  of_other.options = resolveOptions(findStrategy(strategy), {});
+  of_other.given = {};
+  return input.other ? input.other(strategy, of_other) : placeProbes(strategy, of_other);
+}
+
 ProbeLayout placeProbes(const std::string& strategy_name, const PlacementInput& input) {
   const Strategy& strategy = findStrategy(strategy_name);
   if (input.probes < 1 || input.probes > kMaxProbes)

@@ -158,6 +158,28 @@ class Place(PlaceTest):
         kept = self.place("--strategy", "grid_best", output="kept.json", probes=8)
         self.assertEqual(kept["layout"]["build_s"], again["layout"]["build_s"])
 
+    def test_optimized_shares_its_starts_with_their_own_strategies(self):
+        def lattices(folder):
+            return {p.name: json.loads(p.read_text())["build_s"]
+                    for p in (self.folder / folder).glob("layout-*.json")
+                    if json.loads(p.read_text())["strategy"] == "grid_best"}
+
+        quick = [word for option in ("proposals=2", "pool=1", "pool_least=0", "fit=2", "generated=1")
+                 for word in ("--option", option)]
+        self.place("--strategy", "grid_best", output="start.json")
+        kept = lattices("cache")
+        self.assertEqual(len(kept), 1)
+        found = self.place("--strategy", "optimized", *quick, output="found.json")
+        self.assertEqual(lattices("cache"), kept)
+        made = self.run_json("place", "room.toml", "--probes", 27, "-o", "made.json", "--cache",
+                             "empty", "--strategy", "optimized", *quick)
+        self.assertEqual(lattices("empty").keys(), kept.keys())
+        self.assertEqual(self.layout("found.json"), self.layout("made.json"))
+        self.assertEqual(found["layout"]["evaluations"], made["layout"]["evaluations"])
+        self.assertGreater(found["layout"]["evaluations"], 2)
+        # What is found counts with the time that it took when it was made.
+        self.assertGreater(found["layout"]["build_s"], sum(kept.values()))
+
     def test_help_lists_strategies_and_the_options_of_one(self):
         page = self.run_ok("place", "--strategy", "poisson", "--help").stdout
         for words in ("\nStrategies\n", "\n  grid_best ", "\nOptions of poisson (", "clearance=0 .. ",

@@ -21,12 +21,13 @@ using LayoutFinish = std::function<ProbeLayout(const ProbeLayout&)>;
 // and tall cells, then other counts in the best box, then the best counts in every box.
 ProbeLayout bestLattice(const PlacementInput& input, const LayoutFinish& finish = {});
 
-// A lattice in the box whose usable points are at most N and as near to N as a search over its
-// counts comes.
-Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical);
+// A lattice in the box, moved by `offset` of its spacing along every axis, whose usable points are
+// at most N and as near to N as a search over its counts comes.
+Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical,
+                      double offset = 0);
 
 // The sparse lattice in the default box, or the best over boxes and cells by Training::score.
 ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep,
-                              const LayoutFinish& finish = {});
+                              const LayoutFinish& finish = {}, double offset = 0);
 
 }  // namespace probelab

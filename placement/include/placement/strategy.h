@@ -31,6 +31,12 @@ struct StrategyOption {
 
 using OptionValues = std::map<std::string, std::string>;
 
+struct PlacementInput;
+
+// The layout of another strategy with its default options for the same input.
+using OtherLayout =
+    std::function<ProbeLayout(const std::string& strategy, const PlacementInput& input)>;
+
 struct PlacementInput {
   const Scene& scene;  // its states are the lighting that a strategy may train on
   const EmbreeScene& embree;
@@ -42,7 +48,11 @@ struct PlacementInput {
   OptionValues options;  // every option of the strategy, defaults filled in
   std::set<std::string> given = {};  // of these, the ones that a person asked for
   std::function<void(double)> progress = {};  // share done
+  OtherLayout other = {};  // where layouts may lie that were made before; empty: each is made
 };
+
+// By input.other.
+ProbeLayout otherLayout(const std::string& strategy, const PlacementInput& input);
 
 // Option values by type; throw InputError naming the option.
 double numberOption(const PlacementInput& input, const std::string& name, double least,

@@ -124,6 +124,30 @@ TEST(Strategies, SparseGridsComeNearTheBudget) {
   }
 }
 
+// As many probes and no side of the room left bare, wherever the lattice lies.
+TEST(Strategies, SparseGridsMove) {
+  Place place(corridor());
+  const auto at = [&](const char* offset) {
+    return placeProbes("grid_sparse",
+                       place.input(200, 1, {{"sweep", "off"}, {"offset", offset}}));
+  };
+  const ProbeLayout unmoved = at("0");
+  const Box3f& room = place.reachability.reachable_box;
+  for (const char* offset : {"-0.5", "-0.25", "0.25", "0.5"}) {
+    const ProbeLayout moved = at(offset);
+    EXPECT_LE(moved.positions.size(), 200u) << offset;
+    EXPECT_GE(moved.positions.size(), 180u) << offset;
+    EXPECT_NE(moved.positions, unmoved.positions) << offset;
+    Box3f box;
+    for (const Vec3f& p : moved.positions) box.extend(p);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      EXPECT_LT(box.min[axis] - room.min[axis], moved.lattice.spacing[axis]) << offset;
+      EXPECT_LT(room.max[axis] - box.max[axis], moved.lattice.spacing[axis]) << offset;
+    }
+  }
+  EXPECT_EQ(at("-0.5").positions, at("0.5").positions);
+}
+
 TEST(Strategies, GridBestScoresNoWorseThanGrid) {
   Place place(pillarRoom());
   const ProbeLayout grid = placeProbes("grid", place.input(60));
