@@ -7,30 +7,26 @@ killed goes on where it was. --report prints the tables from these rows alone. P
 stderr; the tables to stdout, and last the report's path. Standard library; the figure needs
 matplotlib.
 """
-import argparse
 import concurrent.futures
 import csv
-import hashlib
 import json
-import lzma
 import os
-import pathlib
-import shutil
 import sys
 import threading
 import tomllib
+from types import SimpleNamespace
 
-from children import Children, terminate_as_interrupt
+import row_study
 from overview import ROOT, Progress, scene_name
 from placement_figure import write_figure
 from placement_report import report
 from placement_rows import load_rows
-from whole_output import InputError, object_of
+from row_study import (ERRORS, Failed, Interrupted, Runner, arguments, chosen, lines_of, narrow,
+                       settings_of)
 
 PARTS = ["main", "curves", "retraining"]
 KEY = ["scene", "layout", "probes", "layout_seed", "state", "seed", "settings"]
 DRAWN = "drawn"  # lights drawn from the scene: one run of `place` scores a layout under them all
-ERRORS = ["nrmse", "smape", "bias", "light_leak", "shadow_leak", "dark_leak"]
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 BLOCKS_PER_DIAGONAL = 16  # as the train and held-out blocks
 
@@ -60,20 +56,6 @@ def block_errors(dump, bounds):
     if not product > 0:
         raise Failed("no held-out receiver gets light")
     return {k: float(f"{v / product:.4g}") for k, v in sorted(blocks.items())}
-
-
-def params_name(params):
-    """A preset's name and a hash of its values, which may be others one day; or a file's."""
-    path = ROOT / "core/ddgi/presets" / f"{params}.toml"
-    path = path if path.is_file() else ROOT / params
-    values = json.dumps(tomllib.loads(path.read_text()), sort_keys=True)
-    return f"{params}:{hashlib.sha256(values.encode()).hexdigest()[:8]}"
-
-
-def settings_of(study):
-    """What all runs share, as one text: rows of other settings do not mix."""
-    others = " ".join(f"{k}={study[k]}" for k in ("rays", "updates", "receivers", "rel_error"))
-    return f"params={params_name(study['params'])} {others}"
 
 
 def plan(study, parts):
@@ -126,36 +108,11 @@ def squares_of(drawn):
             for i, light in enumerate(each)}
 
 
-class Failed(Exception):
-    """A command failed; its message."""
-
-
-class Interrupted(Exception):
-    """A command was interrupted."""
-
-
-class Study:
+class Study(Runner):
     def __init__(self, study, options, folder):
-        self.study, self.folder, self.jobs = study, folder, options.jobs
-        self.program, self.settings = options.program.resolve(), settings_of(study)
-        cache = options.cache or folder.parent / "cache"
-        self.common = ["--json", "--quiet", "--cache", os.path.relpath(cache)]
-        if options.device:
-            self.common += ["--device", options.device]
-        self.environment = dict(os.environ)
-        if self.jobs > 1:
-            threads = str(max(1, (os.cpu_count() or 1) // self.jobs))
-            self.common += ["--threads", threads]
-            self.environment["LP_NUM_THREADS"] = threads
-        self.lock = threading.Lock()
-        self.truth_locks, self.children = {}, Children()
-        self.failures, self.stopping = {}, False
-        self.rows = load_rows(folder)
+        super().__init__(study, options, folder)
+        self.settings, self.stopping, self.truth_locks = settings_of(study), False, {}
         self.done = {self.key(row) for row in self.rows}
-        plain = folder / "rows.jsonl"
-        if plain.exists() and not plain.read_bytes().endswith(b"\n"):
-            with open(plain, "a") as file:  # a kill cut the last line short
-                file.write("\n")
         for name in ("layouts", "truth", "dumps"):
             (folder / name).mkdir(parents=True, exist_ok=True)
 
@@ -265,12 +222,6 @@ class Study:
                 **{k: drawn.get(k) for k in ERRORS}, "floors": {k: 0.0 for k in ERRORS},
                 "version": placed["version"], "blocks": squares_of(drawn)}
 
-    def keep(self, row):
-        with self.lock:
-            with open(self.folder / "rows.jsonl", "a") as file:
-                file.write(json.dumps(row, separators=(",", ":")) + "\n")
-            self.rows.append(row)
-
     def truth(self, scene, state, seed):
         """The receivers' file of a scene under a state, made once."""
         path = self.folder / "truth" / f"{scene_name(scene)}_{state}_{seed}.json"
@@ -285,49 +236,9 @@ class Study:
                 lock[1] = True
         return os.path.relpath(path)
 
-    def run(self, *arguments):
-        """Runs a command; its JSON."""
-        command = [str(self.program), *map(str, arguments), *self.common]
-        try:
-            done = self.children.run(command, env=self.environment)
-        except OSError as error:  # the program is gone, or being linked at this moment
-            raise Failed(str(error)) from error
-        if done is None or done.returncode in (130, -2):
-            raise Interrupted
-        if done.returncode != 0:
-            lines = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-            raise Failed(lines[-1])
-        try:
-            return object_of(done.stdout, f"{self.program} {arguments[0]}")
-        except InputError as error:
-            raise Failed(str(error)) from error
-
-
-def chosen(text, of, what, parser):
-    """The part of `of` that a comma-separated option names, by a part of the name for scenes."""
-    if not text:
-        return of
-    words = text.split(",")
-    if what == "scenes":
-        found = [s for s in of if any(w in s for w in words)]
-    else:
-        found = [v for v in of if str(v) in words]
-        missing = [w for w in words if w not in map(str, of)]
-        if what != "probes" and missing:
-            parser.error(f"--{what}: the study has no {', '.join(missing)}")
-    if not found:
-        parser.error(f"--{what}: nothing of the study matches {text}")
-    return found
-
-
-def narrow(study, options, parser):
+def narrow_layouts(study, options, parser):
     """The study without what the options leave out."""
-    study = dict(study)
-    study["scenes"] = chosen(options.scenes, study["scenes"], "scenes", parser)
-    if options.seeds:
-        study["seeds"] = [int(s) for s in options.seeds.split(",")]
-    if options.probes:
-        study["probes"] = [int(n) for n in options.probes.split(",")]
+    study = narrow(study, options, parser)
     names = chosen(options.strategies, [row["name"] for row in study["layout"]], "strategies",
                    parser)
     study["layout"] = [row for row in study["layout"] if row["name"] in names]
@@ -344,116 +255,47 @@ def narrow(study, options, parser):
     return study
 
 
-def arguments():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--study", type=pathlib.Path,
-                        default=ROOT / "experiments/studies/placement.toml")
-    parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/probelab")
-    parser.add_argument("--results", type=pathlib.Path, default=ROOT / "results/runs/placement",
-                        help="folder for the results (default: results/runs/placement)")
-    parser.add_argument("--cache", type=pathlib.Path,
-                        help="folder of truth and layouts (default: cache, beside the results)")
-    parser.add_argument("--parts", default=",".join(PARTS),
-                        help="of main, curves, retraining (default: all)")
-    parser.add_argument("--scenes", help="only these scenes, by a part of their path, a,b,c")
-    parser.add_argument("--seeds", help="only these seeds, 1,2")
-    parser.add_argument("--probes", help="these budgets, 128,512")
+def parse():
+    """(options, study, groups of runs)."""
+    parser = arguments("placement", __doc__, PARTS)
     parser.add_argument("--strategies", help="only these rows of the study, by name")
     parser.add_argument("--jobs", type=int, default=1,
                         help="commands at a time; times mean little beyond one (default: 1)")
     parser.add_argument("--redo", help="forget the results of these rows of the study first, a,b")
-    parser.add_argument("--report", action="store_true",
-                        help="run nothing: the tables from the results that are there")
-    parser.add_argument("--publish", type=pathlib.Path, nargs="?", metavar="DIR",
-                        const=ROOT / "results/published/placement",
-                        help="copy report, figure and rows (default: results/published/placement)")
-    parser.add_argument("--device", help="Vulkan device, see 'probelab info'")
-    return parser
+    groups = []
 
-
-def parse():
-    parser = arguments()
-    options = parser.parse_args()
-    if options.jobs < 1:
-        parser.error("--jobs must be 1 or more")
-    options.parts = options.parts.split(",")
-    for part in options.parts:
-        if part not in PARTS:
-            parser.error(f"--parts: '{part}' is none of {', '.join(PARTS)}")
-    if not options.report and not options.program.exists():
-        parser.error(f"{options.program}: not built yet; scripts/run builds it")
-    try:
-        study = tomllib.loads(options.study.read_text())
-        options.narrowed = narrow(study, options, parser)
-        groups = [] if options.report else plan(options.narrowed, options.parts)
+    def narrowed(study, options, parser):
+        if options.jobs < 1:
+            parser.error("--jobs must be 1 or more")
         settings_of(study)
-    except (OSError, ValueError) as error:
-        parser.error(f"{options.study}: {error}")
-    except KeyError as error:
-        parser.error(f"{options.study}: {error} is missing; see experiments/studies/placement.toml")
+        result = narrow_layouts(study, options, parser)
+        groups.extend([] if options.report else plan(result, options.parts))
+        return result
+
+    options, study = row_study.parse(parser, PARTS, narrowed)
     return options, study, groups
 
 
 def forget(folder, names):
     """Drops the rows of these layouts."""
-    rows = [row for row in load_rows(folder) if row["layout"] not in names]
     part = folder / "rows.jsonl.part"
-    part.write_text("".join(json.dumps(r, separators=(",", ":")) + "\n" for r in rows))
+    part.write_text(lines_of(row for row in load_rows(folder) if row["layout"] not in names))
     part.replace(folder / "rows.jsonl")
 
 
-def publish(folder, target):
-    target.mkdir(parents=True, exist_ok=True)
-    for name in ("placement.md", "curves.svg", "curves.png"):
-        if (folder / name).exists():
-            shutil.copyfile(folder / name, target / name)
-    if (folder / "rows.jsonl").exists():
-        (target / "rows.jsonl.xz").write_bytes(lzma.compress((folder / "rows.jsonl").read_bytes()))
-
-
 def main():
-    terminate_as_interrupt()
     options, study, groups = parse()
-    options.cache = options.cache and options.cache.resolve()
-    folder = options.results.resolve()
-    options.publish = options.publish and options.publish.resolve()
-    os.chdir(ROOT)
-    folder.mkdir(parents=True, exist_ok=True)
-    failures, finished = {}, True
-    if options.report:
-        rows = load_rows(folder)
-        if not rows:
-            print(f"placement: {folder}: no results there", file=sys.stderr)
-            return 2
-    else:
+
+    def run(folder):
         if options.redo:
             forget(folder, options.redo.split(","))
         runner = Study(options.narrowed, options, folder)
-        finished = runner.all(groups)
-        rows, failures = runner.rows, runner.failures
-    settings = settings_of(study)
-    others = [r for r in rows if r["settings"] != settings]
-    if others:
-        print(f"placement: {len(others)} rows were made with other settings and do not count",
-              file=sys.stderr)
-    rows = [r for r in rows if r["settings"] == settings]
-    if not options.report:  # budgets that were asked for count though the study has others
-        study = study | {"probes": sorted({*study["probes"], *options.narrowed["probes"]})}
-    text = report(study, rows, failures)
-    (folder / "placement.md").write_text(text)
-    note = write_figure(study, rows, folder)
-    print(text)
-    if note:
-        print(f"placement: {note}", file=sys.stderr)
-    for name, why in failures.items():
-        print(f"placement: failed: {name}: {why}", file=sys.stderr)
-    if not finished:
-        print("placement: interrupted; finished runs are kept, the same command goes on",
-              file=sys.stderr)
-    if options.publish:
-        publish(folder, options.publish)
-    print(folder / "placement.md")
-    return 130 if not finished else 1 if failures else 0
+        return runner.all(groups), runner
+
+    return row_study.run_study("placement", options, study, SimpleNamespace(
+        run=run, report=report, draw=write_figure,
+        counted=lambda study, rows: [r for r in rows if r["settings"] == settings_of(study)],
+        published=lambda _: {name: name for name in ("curves.svg", "curves.png")}))
 
 
 if __name__ == "__main__":

@@ -44,13 +44,13 @@ def write_figure(study, rows, folder):
     scenes = [s for s in tables.scenes if any(s == scene for scene, _ in curves)]
     shown = [lights for lights in LIGHTS if any(lights == of for _, of in curves)]
     if not scenes:
-        return ""
+        return []
     try:
         import matplotlib
         matplotlib.use("Agg")
         from matplotlib import pyplot
     except ImportError as error:
-        return f"no figure: {no_matplotlib(error)}"
+        return [f"no figure: {no_matplotlib(error)}"]
     matplotlib.rcParams["svg.hashsalt"] = "probelab"
     figure, axes = pyplot.subplots(len(shown), len(scenes), squeeze=False, sharex=True,
                                    figsize=(3.4 * len(scenes), 3.0 * len(shown)))
@@ -65,4 +65,4 @@ def write_figure(study, rows, folder):
     figure.savefig(folder / "curves.svg", metadata={"Date": None})
     figure.savefig(folder / "curves.png", dpi=110)
     pyplot.close(figure)
-    return ""
+    return []

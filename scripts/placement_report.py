@@ -238,8 +238,9 @@ def meets(points, error):
 def provenance(study, rows):
     def distinct(key):
         return ", ".join(sorted({str(r[key]) for r in rows if key in r}))
+    settings = "; or ".join(sorted({r["settings"] for r in rows}))
     return (f"Device {distinct('device')}, tracer {distinct('tracer')}, version "
-            f"{distinct('version')}; {rows[0]['settings']}; {distinct('jobs')} commands at a time; "
+            f"{distinct('version')}; {settings}; {distinct('jobs')} commands at a time; "
             f"receiver and layout seeds {distinct('seed')}.")
 
 

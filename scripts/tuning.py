@@ -7,30 +7,41 @@ study that was killed goes on where it was. --report prints the tables from thes
 Progress goes to stderr; the tables to stdout, and last the report's path. Standard library; the
 figures need matplotlib.
 """
-import argparse
 import json
-import lzma
 import os
-import pathlib
-import shutil
 import sys
-import tomllib
+from types import SimpleNamespace
 
-from children import Children, terminate_as_interrupt
-from overview import ROOT, Progress, scene_name
-from placement import Failed, Interrupted, Study as Runner, chosen, settings_of
-from placement_rows import load_rows
+import row_study
+from overview import Progress, scene_name
+from row_study import ERRORS, Failed, Interrupted, Runner, arguments, narrow, settings_of
 from tuning_figure import draw
 from tuning_report import FROM, LEFT_OUT, SHARED, TUNED, report
 from whole_output import InputError, no_matplotlib, of_system
 
 PARTS = ["scenes", "leave_one_out"]
-ERRORS = ["nrmse", "smape", "bias", "light_leak", "shadow_leak", "dark_leak"]
 ALL = "all"  # the scenes of leave-one-out, in place of one's name
 
 
+def folds_of(study):
+    """The study as its leave-one-out runs it, whose start may be another."""
+    start = study.get("leave_one_out", {}).get("set")
+    return {**study, "set": start} if start else study
+
+
+def rows_that_count(study, rows):
+    """Those of the settings of now, which are of the folds' start for what the folds gave."""
+    own, folds = identity(study), identity(folds_of(study))
+    return [row for row in rows
+            if row["settings"] == (folds if row["layout"] in (LEFT_OUT, SHARED) else own)]
+
+
+def units_done(study, rows):
+    return {row["unit"] for row in rows_that_count(study, rows)}
+
+
 def identity(study):
-    """What all runs share, as one text: rows of other settings do not mix."""
+    """What runs of a part share, as one text: rows of other settings do not mix."""
     text = f"{settings_of(study)} strategy={study['strategy']}"
     for name in ("set", "vary"):
         if study.get(name):
@@ -56,23 +67,11 @@ def start_words(study):
 
 
 class TuningStudy(Runner):
-    """Runs `probelab tune`; how a command is called is the placement study's."""
+    """Runs `probelab tune`."""
 
     def __init__(self, study, options, folder):
-        self.study, self.folder, self.jobs = study, folder, 1
-        self.program, self.settings = options.program.resolve(), identity(study)
-        cache = options.cache or folder.parent / "cache"
-        self.common = ["--json", "--quiet", "--cache", os.path.relpath(cache)]
-        if options.device:
-            self.common += ["--device", options.device]
-        self.environment = dict(os.environ)
-        self.children = Children()
-        self.rows, self.failures = load_rows(folder), {}
-        self.done = {row["unit"] for row in self.rows if row["settings"] == self.settings}
-        plain = folder / "rows.jsonl"
-        if plain.exists() and not plain.read_bytes().endswith(b"\n"):
-            with open(plain, "a") as file:  # a kill cut the last line short
-                file.write("\n")
+        super().__init__(study, options, folder)
+        self.done = units_done(study, self.rows)
 
     def plan(self, parts):
         """(name, scenes, probes, seed) of what is missing."""
@@ -97,7 +96,7 @@ class TuningStudy(Runner):
             for unit, cost in zip(units, costs):
                 progress.show(unit[0])
                 try:
-                    self.keep(self.tune(*unit))
+                    self.keep_unit(self.tune(*unit))
                 except Failed as failure:
                     self.failures[unit[0]] = str(failure)
                 progress.done += cost
@@ -111,7 +110,8 @@ class TuningStudy(Runner):
         """The rows of a run, with its report kept under reports/."""
         folder = self.folder / "reports" / unit
         folder.mkdir(parents=True, exist_ok=True)
-        searches = self.study.get("searches", {})
+        study = folds_of(self.study) if len(scenes) > 1 else self.study
+        searches = study.get("searches", {})
         if seed != self.study["seeds"][0] or len(scenes) > 1 or (
                 scenes[0] not in searches.get("scenes", scenes)):
             searches = {}
@@ -121,41 +121,39 @@ class TuningStudy(Runner):
         if len(scenes) > 1:
             words.append("--leave-one-out")
         self.run("tune", *scenes, "-o", os.path.relpath(folder / "tuned.toml"),
-                 "--strategy", self.study["strategy"], "--probes", probes,
-                 *start_words(self.study), "--rays", self.study["rays"],
-                 "--updates", self.study["updates"],
-                 "--count", self.study["receivers"], "--rel-error", self.study["rel_error"],
+                 "--strategy", study["strategy"], "--probes", probes,
+                 *start_words(study), "--rays", study["rays"], "--updates", study["updates"],
+                 "--count", study["receivers"], "--rel-error", study["rel_error"],
                  "--seed", seed, "--report", os.path.relpath(folder), *words)
         result = json.loads((folder / "tune.json").read_text())
         # Scores are named by scenes' names; rows by those of the study.
         names = {s["scene"]: scene_name(path) for s, path in zip(result["scenes"], scenes)}
-        return self.rows_of(unit, result, names, probes, seed)
-
-    def rows_of(self, unit, result, names, probes, seed):
         common = {"unit": unit, "probes": probes, "layout_seed": seed, "seed": seed,
-                  "settings": self.settings, "jobs": 1, "device": result["device"],
+                  "settings": identity(study), "jobs": 1, "device": result["device"],
                   "tracer": result["tracer"], "version": result["version"]}
-        values = {p["key"]: p["tuned"] for p in result["parameters"]}
-        run = {"values": values, "parameters": result["parameters"], "rounds": len(result["rounds"]),
-               "settled": result["settled"], "evaluations": result["evaluations"],
-               "fields": result["fields"], "seconds": result["seconds"], "cost": result["cost"]}
-        if not result["leave_one_out"]:
-            return [row for score in result["scores"]
-                    for row in score_rows(common, names, score, {FROM: FROM, TUNED: TUNED}, run)]
-        rows = [row for score in result["scores"]
-                for row in score_rows(common, names, score, {TUNED: SHARED}, run, False)]
-        for fold in result["leave_one_out"]["folds"]:
-            of_fold = {"values": fold["values"], "rounds": len(fold["rounds"]),
-                       "cost": fold["cost"]}
-            rows += [row for score in fold["scores"]
-                     for row in score_rows(common, names, score, {TUNED: LEFT_OUT}, of_fold, False)]
-        return rows
+        return rows_of(common, result, names)
 
-    def keep(self, rows):
-        with open(self.folder / "rows.jsonl", "a") as file:
-            file.write("".join(json.dumps(r, separators=(",", ":")) + "\n" for r in rows))
-        self.rows += rows
+    def keep_unit(self, rows):
+        self.keep(*rows)
         self.done.update(row["unit"] for row in rows)
+
+
+def rows_of(common, result, names):
+    values = {p["key"]: p["tuned"] for p in result["parameters"]}
+    run = {"values": values, "parameters": result["parameters"], "rounds": len(result["rounds"]),
+           "settled": result["settled"], "evaluations": result["evaluations"],
+           "fields": result["fields"], "seconds": result["seconds"], "cost": result["cost"]}
+    if not result["leave_one_out"]:
+        return [row for score in result["scores"]
+                for row in score_rows(common, names, score, {FROM: FROM, TUNED: TUNED}, run)]
+    rows = [row for score in result["scores"]
+            for row in score_rows(common, names, score, {TUNED: SHARED}, run, False)]
+    for fold in result["leave_one_out"]["folds"]:
+        of_fold = {"values": fold["values"], "rounds": len(fold["rounds"]),
+                   "cost": fold["cost"]}
+        rows += [row for score in fold["scores"]
+                 for row in score_rows(common, names, score, {TUNED: LEFT_OUT}, of_fold, False)]
+    return rows
 
 
 def score_rows(common, names, score, renamed, run, others=True):
@@ -180,6 +178,9 @@ def score_rows(common, names, score, renamed, run, others=True):
     return rows
 
 
+FILES = ("bias_map.png", "searches.png", "errors.png", "tuned.toml")  # of a report; published
+
+
 def draw_figures(folder, units):
     """Pictures beside each report of the first seed. Returns a line for each that there is not."""
     notes = []
@@ -196,111 +197,33 @@ def draw_figures(folder, units):
     return notes
 
 
-def publish(folder, target, units):
-    target.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(folder / "tuning.md", target / "tuning.md")
-    if (folder / "rows.jsonl").exists():
-        (target / "rows.jsonl.xz").write_bytes(lzma.compress((folder / "rows.jsonl").read_bytes()))
-    for unit in units:
-        for name in ("bias_map.png", "searches.png", "errors.png", "tuned.toml"):
-            source = folder / "reports" / unit / name
-            if source.exists():
-                (target / unit).mkdir(exist_ok=True)
-                shutil.copyfile(source, target / unit / name)
-
-
-def narrow(study, options, parser):
-    """The study without what the options leave out."""
-    study = dict(study)
-    study["scenes"] = chosen(options.scenes, study["scenes"], "scenes", parser)
-    if options.seeds:
-        study["seeds"] = [int(s) for s in options.seeds.split(",")]
-    if options.probes:
-        study["probes"] = [int(n) for n in options.probes.split(",")]
-    return study
+def first_units(study):
+    """Those that have figures."""
+    return [f"{scene_name(s)}_{n}_{study['seeds'][0]}" for s in study["scenes"]
+            for n in study["probes"]]
 
 
 def parse():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--study", type=pathlib.Path,
-                        default=ROOT / "experiments/studies/tuning.toml")
-    parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/probelab")
-    parser.add_argument("--results", type=pathlib.Path, default=ROOT / "results/runs/tuning",
-                        help="folder for the results (default: results/runs/tuning)")
-    parser.add_argument("--cache", type=pathlib.Path,
-                        help="folder of truth and layouts (default: cache, beside the results)")
-    parser.add_argument("--parts", default=",".join(PARTS),
-                        help="of scenes, leave_one_out (default: all)")
-    parser.add_argument("--scenes", help="only these scenes, by a part of their path, a,b,c")
-    parser.add_argument("--seeds", help="only these seeds, 1,2")
-    parser.add_argument("--probes", help="these budgets, 128,512")
-    parser.add_argument("--report", action="store_true",
-                        help="run nothing: the tables from the results that are there")
-    parser.add_argument("--publish", type=pathlib.Path, nargs="?", metavar="DIR",
-                        const=ROOT / "results/published/tuning",
-                        help="copy report, figures and rows (default: results/published/tuning)")
-    parser.add_argument("--device", help="Vulkan device, see 'probelab info'")
-    options = parser.parse_args()
-    options.parts = options.parts.split(",")
-    for part in options.parts:
-        if part not in PARTS:
-            parser.error(f"--parts: '{part}' is none of {', '.join(PARTS)}")
-    if not options.report and not options.program.exists():
-        parser.error(f"{options.program}: not built yet; scripts/run builds it")
-    try:
-        study = tomllib.loads(options.study.read_text())
-        options.narrowed = narrow(study, options, parser)
-        identity(study), study["published"], study["seeds"], study["probes"]
-    except (OSError, ValueError) as error:
-        parser.error(f"{options.study}: {error}")
-    except KeyError as error:
-        parser.error(f"{options.study}: {error} is missing; see experiments/studies/tuning.toml")
-    return options, study
+    """(options, study)."""
+    def narrowed(study, options, parser):
+        identity(study), study["published"]
+        return narrow(study, options, parser)
+
+    return row_study.parse(arguments("tuning", __doc__, PARTS), PARTS, narrowed)
 
 
 def main():
-    terminate_as_interrupt()
     options, study = parse()
-    options.cache = options.cache and options.cache.resolve()
-    folder = options.results.resolve()
-    options.publish = options.publish and options.publish.resolve()
-    os.chdir(ROOT)
-    folder.mkdir(parents=True, exist_ok=True)
-    failures, finished = {}, True
-    if options.report:
-        rows = load_rows(folder)
-        if not rows:
-            print(f"tuning: {folder}: no results there", file=sys.stderr)
-            return 2
-    else:
+
+    def run(folder):
         runner = TuningStudy(options.narrowed, options, folder)
-        finished = runner.everything(options.parts)
-        rows, failures = runner.rows, runner.failures
-    settings = identity(study)
-    others = [r for r in rows if r["settings"] != settings]
-    if others:
-        print(f"tuning: {len(others)} rows were made with other settings and do not count",
-              file=sys.stderr)
-    rows = [r for r in rows if r["settings"] == settings]
-    if not options.report:  # budgets that were asked for count though the study has others
-        study = study | {"probes": sorted({*study["probes"], *options.narrowed["probes"]})}
-    text = report(study, rows, failures)
-    (folder / "tuning.md").write_text(text)
-    first = [f"{scene_name(s)}_{n}_{study['seeds'][0]}" for s in study["scenes"]
-             for n in study["probes"]]
-    notes = draw_figures(folder, first)
-    print(text)
-    for note in notes:
-        print(f"tuning: {note}", file=sys.stderr)
-    for name, why in failures.items():
-        print(f"tuning: failed: {name}: {why}", file=sys.stderr)
-    if not finished:
-        print("tuning: interrupted; finished runs are kept, the same command goes on",
-              file=sys.stderr)
-    if options.publish:
-        publish(folder, options.publish, first)
-    print(folder / "tuning.md")
-    return 130 if not finished else 1 if failures else 0
+        return runner.everything(options.parts), runner
+
+    return row_study.run_study("tuning", options, study, SimpleNamespace(
+        run=run, report=report, counted=rows_that_count,
+        draw=lambda study, rows, folder: draw_figures(folder, first_units(study)),
+        published=lambda study: {f"{unit}/{name}": f"reports/{unit}/{name}"
+                                 for unit in first_units(study) for name in FILES}))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/tuning.py: runs what is missing, keeps what is done, and knows what folds started from."""
+import json
+import subprocess
+import sys
+import unittest
+
+from support import CliTest, PROGRAM, SOURCE
+
+STUDY = """
+receivers = 64
+rel_error = 0.2
+params = "probelab"
+rays = 16
+updates = 2
+seeds = [1]
+probes = [8]
+strategy = "grid"
+published = ["rtxgi"]
+vary = ["normal_bias"]
+scenes = ["scenes/corridor_l/scene.toml", "scenes/cornell/scene.toml"]
+[searches]
+scenes = []
+[leave_one_out]
+seeds = [1]
+set = ["normal_bias=0.3"]
+"""
+
+
+class TuningStudy(CliTest):
+    def setUp(self):
+        super().setUp()
+        self.results = self.folder / "results"
+        self.write(STUDY)
+
+    def write(self, text):
+        (self.folder / "study.toml").write_text(text)
+
+    def study(self, *options):
+        return subprocess.run(
+            [sys.executable, "-B", SOURCE / "scripts/tuning.py", "--study",
+             self.folder / "study.toml", "--program", PROGRAM, "--results", self.results,
+             "--cache", self.folder / "cache", *options], capture_output=True, text=True,
+            timeout=300)
+
+    def test_folds_have_a_start_of_their_own(self):
+        first = self.study()
+        self.assertEqual(first.returncode, 0, first.stderr)
+        rows = [json.loads(line) for line in (self.results / "rows.jsonl").read_text().splitlines()]
+        of_folds = [r for r in rows if r["layout"] in ("left_out", "shared")]
+        self.assertEqual({r["scene"] for r in of_folds}, {"corridor_l", "cornell"})
+        for row in rows:
+            self.assertEqual("set=normal_bias=0.3" in row["settings"], row in of_folds)
+        reports = self.results / "reports"
+        starts = {unit: json.loads((reports / unit / "tune.json").read_text())["parameters"][0]["from"]
+                  for unit in ("corridor_l_8_1", "all_8_1")}
+        self.assertEqual(starts["all_8_1"], 0.3)
+        self.assertNotEqual(starts["corridor_l_8_1"], 0.3)
+        for title in ("tuned (tuned on the scene)", "left_out (tuned on the other scenes)"):
+            self.assertIn(f"## {title} against the best published preset", first.stdout)
+        again = self.study("--program", "/bin/false")  # nothing is missing, so nothing runs
+        self.assertEqual(again.returncode, 0, again.stderr)
+        self.assertEqual(again.stdout, first.stdout)
+
+        self.write(STUDY.replace("0.3", "0.2"))
+        other = self.study("--report")
+        self.assertIn(f"{len(of_folds)} rows were made with other settings", other.stderr)
+        self.assertNotIn("## left_out", other.stdout)
+        self.assertEqual(self.study("--program", "/bin/false", "--parts", "scenes").returncode, 0)
+        self.assertEqual(self.study("--program", "/bin/false").returncode, 1)
+
+    def test_publishes_what_there_is(self):
+        self.study("--scenes", "cornell", "--parts", "scenes")
+        published = self.folder / "published"
+        self.assertEqual(self.study("--report", "--publish", published).returncode, 0)
+        self.assertEqual((published / "tuning.md").read_text(),
+                         (self.results / "tuning.md").read_text())
+        self.assertTrue((published / "rows.jsonl.xz").is_file())
+        self.assertTrue((published / "cornell_8_1/tuned.toml").is_file())
+
+    def test_usage(self):
+        for options, word in ((("--parts", "senes"), "senes"), (("--scenes", "nowhere"), "nowhere")):
+            result = self.study(*options)
+            self.assertEqual(result.returncode, 2, options)
+            self.assertIn(word, result.stderr)
+        self.write(STUDY.replace("published", "publshed"))
+        self.assertIn("'published' is missing; see experiments/studies/tuning.toml",
+                      self.study().stderr)
+        self.write(STUDY)
+        self.assertEqual(self.study("--report").returncode, 2)
+
+
+if __name__ == "__main__":
+    unittest.main()
