@@ -17,7 +17,7 @@ from figures_captions import caption
 from figures_cells import InputError, cell_files, load_folder
 from figures_tables import DAMAGE, READABLE, TABLES, drawable, kind_of
 from pipeline_report import aligned, number
-from whole_output import no_matplotlib, of_system
+from whole_output import no_matplotlib, of_system, whole_folder
 
 
 def table_text(rows):
@@ -62,23 +62,23 @@ def file_stem(study, suffix):
 
 
 def draw_study(pyplot, study, kind, folder, damaged):
-    """Writes all files of a study; returns their paths."""
+    """Writes all files of a study, or none; returns their paths."""
     import figures_curves
     import figures_dots
     import figures_extra
-    folder.mkdir(parents=True, exist_ok=True)
-    tables, written = write_tables(study, kind, folder)
     name = f"draw_{kind}"
     draw = next(getattr(module, name) for module in (figures_curves, figures_dots, figures_extra)
                 if hasattr(module, name))
-    for suffix, figure in draw(pyplot, study, tables).items():
-        stem = file_stem(study, suffix)
-        figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})
-        figure.savefig(folder / f"{stem}.png")
-        pyplot.close(figure)
-        (folder / f"{stem}.txt").write_text(caption(kind, suffix, study, tables, damaged))
-        written += [folder / f"{stem}{ending}" for ending in (".pdf", ".png", ".txt")]
-    return written
+    with whole_folder(folder) as part:
+        tables, written = write_tables(study, kind, part)
+        for suffix, figure in draw(pyplot, study, tables).items():
+            stem = file_stem(study, suffix)
+            figure.savefig(part / f"{stem}.pdf", metadata={"CreationDate": None})
+            figure.savefig(part / f"{stem}.png")
+            pyplot.close(figure)
+            (part / f"{stem}.txt").write_text(caption(kind, suffix, study, tables, damaged))
+            written += [part / f"{stem}{ending}" for ending in (".pdf", ".png", ".txt")]
+    return [folder / path.name for path in written]
 
 
 def note(text):

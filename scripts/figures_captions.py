@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The captions of figures: what is drawn, and from which runs. Standard library only."""
 from figures_cells import completeness, count, ordered, scenes_and_states
-from figures_tables import LAW, LEAST_LEAK
+from figures_tables import LEAST_LEAK, SHUT
 
 INTERVALS = ("Points are means over seeds, after the lighting states of a scene are combined "
              "within each seed (root of the mean square for nrmse, else the mean); intervals are "
@@ -23,8 +23,10 @@ SAYS = {
                  "of a lattice cell that the wall cuts to the middle of that cell, so that "
                  "d sin theta is half the diagonal of the cell's face along the wall, whatever the "
                  "spacing across it. "
-                 f"Dashed: {LAW}, from which on the moments' angular blur alone lets no light "
-                 "through (Chebyshev's bound cubed below 0.05), before texels, noise and biases. "
+                 "Dashed: from where on the angular blur of the preset's moments alone lets no "
+                 "light through, by its distance exponent and Chebyshev power (the bound to that "
+                 f"power below {SHUT}), before texels, noise and biases; a preset without the "
+                 "visibility test has none. "
                  "Open marks: no cell has probes in both rooms (an odd count across, with a layer "
                  "inside the wall that is not stored, or spacing below the thickness)",
     "visibility_terms": "Error, light leak and shadow leak by the terms of the visibility test "
@@ -47,8 +49,9 @@ SAYS = {
                "irradiance, the encoding's gamma, hysteresis and rounding. Dashed: rgba32f of the "
                "same gamma and hysteresis, that is, what has not arrived after the updates "
                "whatever the storage; what a point lies below it is lost to storage",
-    "speed_error": "Error against the time of a frame of 1080p (one update and one query a pixel) "
-                   "and against the rays of an update, which no machine changes; a mark's area "
+    "speed_error": "Error after the last update of a field that was black before the first, against "
+                   "the time of a frame of 1080p (one update and one query a pixel) and against "
+                   "the rays of an update, which no machine changes; a mark's area "
                    "grows with the logarithm of the field's bytes, its shape tells the texels "
                    "along an edge of the irradiance and of the moment map. Step line: Pareto "
                    "front of all; " + FLOOR + "; dash-dotted: path tracing of every pixel in "
@@ -59,8 +62,8 @@ SAYS = {
                    "updates from black (errors are known after 1, 2, 3, 4, 6, 8, 12, ... updates). "
                    "warm-up: the first updates without history, then a running mean; preset "
                    "probelab has one of 8, the published presets have none of their own",
-    "grid_robustness": "Error and leaks of one lattice moved along every axis by a share of its "
-                       "spacing, its probes that end in walls left out, under the same rooms "
+    "grid_robustness": "Error and leaks of lattices with the same number of probes in free space, "
+                       "moved along every axis by a share of their spacing, under the same rooms "
                        "turned about the vertical axis; the table spread says how far the values "
                        "lie apart; " + FLOOR,
     "bias_map": "Error (nrmse) and light leak on train receivers over normal and view bias, the "

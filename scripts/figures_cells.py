@@ -221,17 +221,29 @@ def of_one_kind(folder, name, cells):
     return kept, others
 
 
+def of_one_version(folder, name, cells):
+    """Cells of one version of the program, of the last run's or else the commonest, for a point's
+    seeds are no repetitions where the program changed between them; and a text for the rest."""
+    listed, by_version = listed_ids(folder / f"{name}.csv"), {}
+    for cell in cells:
+        by_version.setdefault(cell.text("version"), []).append(cell)
+    kept = max(by_version.values(), key=lambda of: (
+        sum(c.id in listed for c in of), len(of), max(c.path.stat().st_mtime_ns for c in of)))
+    rest = len(cells) - len(kept)
+    return kept, [f"{count(rest, 'cell')} of another version left out"] * bool(rest)
+
+
 def differences(cell, other):
     """What of two cells with the same axes is not the same."""
-    names = {"version": "version", "device": "device", "provenance.scene_hash": "scene",
+    names = {"device": "device", "provenance.scene_hash": "scene",
              "scenes.0.hash": "scene"}
     found = [says for name, says in names.items() if cell.found(name) != other.found(name)]
     return [*found, *differing([cell, other])] or ["input file"]  # of their bytes is but the id
 
 
 def one_for_each_setting(folder, name, cells):
-    """Of cells with the same axes (another version of the program, say) the one that the study's
-    table lists, else the newest; and a text for the rest."""
+    """Of cells with the same axes (of another device, say) the one that the study's table lists,
+    else the newest; and a text for the rest."""
     listed = listed_ids(folder / f"{name}.csv")
     best, rest = {}, []
     for cell in sorted(cells, key=lambda c: (c.id in listed, c.path.stat().st_mtime_ns, c.id)):
@@ -264,8 +276,9 @@ def load_folder(folder):
     studies = []
     for name, cells in sorted(by_study.items()):
         alike, others = of_one_kind(folder, name, cells)
-        kept, older = one_for_each_setting(folder, name, alike)
-        studies.append(Study(folder, name, in_study_order(name, kept), others + older))
+        of_version, older = of_one_version(folder, name, alike)
+        kept, repeated = one_for_each_setting(folder, name, of_version)
+        studies.append(Study(folder, name, in_study_order(name, kept), others + older + repeated))
     return studies, damaged
 
 

@@ -7,7 +7,7 @@ import math
 from figures_panels import (MARKERS, PAGE, Sheet, bounds_of, colour, count_axis,
                             draw_points, end_labels, grid_of, pretty, ratio_axis, shades,
                             stored_axis)
-from figures_tables import LAW, LEAST_LEAK
+from figures_tables import LEAST_LEAK
 
 
 def pick(rows, **where):
@@ -140,6 +140,8 @@ def draw_collapse(pyplot, panels, rows, presets, everything):
     """Light leak against t / (d sin theta), a panel a preset. Returns handles and labels."""
     thick = sorted({r["thickness_m"] for r in rows})
     shade = shades(pyplot, len(thick))
+    laws = {p: pick(rows, params=p)[0]["law"] for p in presets}
+    shown = [law for law in laws.values() if law]
     for panel, preset in zip(panels, presets):
         for i, t in enumerate(thick):
             for joins in (1, 0):
@@ -148,17 +150,23 @@ def draw_collapse(pyplot, panels, rows, presets, everything):
                     draw_points(panel, [p["ratio"] for p in points], points, line=False,
                                 color=shade[i], marker=MARKERS[i % len(MARKERS)], markersize=4.2,
                                 markerfacecolor=shade[i] if joins else "white")
-        ratio_axis(panel.xaxis, [r["ratio"] for r in everything] + [LAW], margin=1.4)
+        ratio_axis(panel.xaxis, [r["ratio"] for r in everything] + shown, margin=1.4)
         ratio_axis(panel.yaxis, bounds_of(everything), smallest=LEAST_LEAK)
-        panel.axvline(LAW, color="black", linewidth=0.9, linestyle="--")
+        if laws[preset]:
+            panel.axvline(laws[preset], color="black", linewidth=0.9, linestyle="--")
+            panel.text(laws[preset], 0.97, f" {laws[preset]:.2g}", fontsize=7, va="top",
+                       transform=panel.get_xaxis_transform())
         panel.set_xlabel(r"$t\,/\,(d\,\sin\theta)$")
     panels[0].set_ylabel("light leak")
     handles = [pyplot.Line2D([], [], linestyle="", marker=MARKERS[i % len(MARKERS)], color=shade[i],
                              markersize=4.2) for i in range(len(thick))]
     handles += [pyplot.Line2D([], [], linestyle="", marker="o", color="grey", markersize=4.2,
-                              markerfacecolor="white"),
-                pyplot.Line2D([], [], color="black", linewidth=0.9, linestyle="--")]
-    return handles, [f"{100 * t:g} cm" for t in thick] + ["no cell in both rooms", f"law, {LAW}"]
+                              markerfacecolor="white")]
+    names = [f"{100 * t:g} cm" for t in thick] + ["no cell in both rooms"]
+    if shown:
+        handles.append(pyplot.Line2D([], [], color="black", linewidth=0.9, linestyle="--"))
+        names.append("law")
+    return handles, names
 
 
 def draw_thin_wall(pyplot, study, tables):

@@ -52,7 +52,24 @@ def tables_error_vs_n(study):
 # Thin wall. scenes/scenelib/rooms.py: two rooms of 4 x 2.6 x 4 m, the wall of thickness t between
 # them at x = 0; the grid's lattice fills the box of both and keeps 0.05 spacings off its faces.
 ROOMS_M, INSET = (8.0, 2.6, 4.0), 0.05
-LAW = 0.182  # t / (d sin theta) from which on moments alone keep the light out
+SHUT = 0.05  # what Chebyshev's bound leaves of an occluded probe where the wall counts as shut
+
+
+def lobe_width(exponent):
+    """Root mean square angle in one direction across it of a lobe cos^exponent, rad."""
+    angles = [(i + 0.5) * math.pi / 2 / 20000 for i in range(20000)]
+    weights = [math.cos(a) ** exponent * math.sin(a) for a in angles]
+    return math.sqrt(sum(w * a * a for a, w in zip(angles, weights)) / (2 * sum(weights)))
+
+
+def thin_wall_law(params):
+    """t / (d sin theta) from which on moments alone keep the light out; None without them. The
+    lobe blurs the distances to the wall by lobe_width d tan(theta) along the ray, and the bound
+    1 / (1 + x^2), to its power, is SHUT at x of these beyond it: 0.182 for cos^50 and a cube."""
+    if not params.get("visibility"):
+        return None
+    beyond = math.sqrt(SHUT ** (-1 / params["chebyshev_power"]) - 1)
+    return beyond * lobe_width(params["distance_exponent"])
 
 
 def wall_geometry(thickness, count):
@@ -70,8 +87,10 @@ def wall_geometry(thickness, count):
 
 
 def tables_thin_wall(study):
-    counts = {}
+    counts, laws = {}, {}
     for cell in study.cells:
+        if cell.axes["params"] not in laws and "params" in cell.result:
+            laws[cell.axes["params"]] = thin_wall_law(cell.result["params"])
         if cell.result.get("lattice") and cell.result.get("strategy") == "grid":
             counts[cell.scene, cell.axes["probes"]] = cell.result["lattice"]
     rows = []
@@ -81,7 +100,7 @@ def tables_thin_wall(study):
         thickness = re.search(r"(\d+)cm$", row["scene"])
         if thickness and (row["scene"], row["probes"]) in counts:
             t = int(thickness.group(1)) / 100
-            rows.append({**row, "thickness_m": t,
+            rows.append({**row, "thickness_m": t, "law": laws.get(row["params"]),
                          **wall_geometry(t, counts[row["scene"], row["probes"]])})
     return {"": sorted(rows, key=lambda r: (study.axis("params").index(r["params"]),
                                             r["thickness_m"], float(r["probes"])))}

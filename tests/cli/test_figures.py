@@ -144,6 +144,18 @@ class Numbers(FiguresTest):
         # 9.4 m / 7.1 = 1.32 m: no cell spans a wall of 1.4 m.
         self.assertEqual(figures_tables.wall_geometry(1.4, [8, 3, 5])["joins"], 0)
 
+    def test_thin_wall_law_is_the_presets(self):
+        # 7.97 degrees for cos^50; nearly a Gaussian of variance 1 / (n + 2) for sharper ones.
+        self.assertAlmostEqual(math.degrees(figures_tables.lobe_width(50)), 7.97, delta=0.005)
+        self.assertAlmostEqual(figures_tables.lobe_width(2000), 2002 ** -0.5, delta=1e-5)
+        params = {"visibility": True, "distance_exponent": 50.0, "chebyshev_power": 3.0}
+        self.assertAlmostEqual(figures_tables.thin_wall_law(params), 0.182, delta=5e-4)
+        # Half of the width; (1 + x^2)^-7 is 0.05 at x = 0.7309.
+        params.update(distance_exponent=200.0, chebyshev_power=7.0)
+        self.assertAlmostEqual(figures_tables.thin_wall_law(params),
+                               0.7309 * figures_tables.lobe_width(200), delta=1e-4)
+        self.assertIsNone(figures_tables.thin_wall_law({**params, "visibility": False}))
+
     def test_thin_wall_spacing_is_the_grids(self):
         for scene, thickness, probes in (("05cm", 0.05, 128), ("50cm", 0.5, 256)):
             self.run_ok("place", SOURCE / f"scenes/thin_wall/scene_{scene}.toml", "--strategy",
@@ -322,13 +334,22 @@ class Kinds(FiguresTest):
 
     def test_what_differs_is_said(self):
         cells = [sized(8), sized(8, version="1.2.4")]
-        self.assertEqual(self.kept(cells, [1])[1],
-                         ["1 cell of the same axes but another version left out"])
+        self.assertEqual(self.kept(cells, [1])[1], ["1 cell of another version left out"])
+        cells = [sized(8), sized(8)]
         cells[1]["device"] = "another device"
         self.assertEqual(self.kept(cells, [1])[1],
-                         ["1 cell of the same axes but another version or device left out"])
+                         ["1 cell of the same axes but another device left out"])
         self.assertEqual(self.kept([sized(8), sized(8)], [1])[1],
                          ["1 cell of the same axes but another input file left out"])
+
+    def test_seeds_of_two_versions_make_no_point(self):
+        old = [sized(n, version="1.2.4") for n in (8, 16, 32)]
+        self.assertEqual(self.kept([*old, sized(8), sized(16)]),
+                         ([(n, "grid", "64") for n in (8, 16, 32)],
+                          ["2 cells of another version left out"]))
+        self.assertEqual(self.kept([*old, sized(8), sized(16)], [3, 4]),
+                         ([(n, "grid", "64") for n in (8, 16)],
+                          ["3 cells of another version left out"]))
 
     def test_cells_from_before_an_axis_was_added(self):
         cells = [sized(8), sized(16), sized(32)]
