@@ -165,9 +165,10 @@ def facts(manifest):
 FIGURES = {
     "error_vs_n": "Error against the number of probes, by layout, under lights that no layout was "
                   "trained on; dotted: the noise of the truth",
-    "speed_error": "Error against the time of a 1080p frame and against rays an update; areas "
-                   "are bytes, the step line is the Pareto front, dash-dotted: path tracing in the "
-                   "time of the frame",
+    "speed_error": "Error of a field that has just come up from black against the time of a 1080p "
+                   "frame and against rays an update; areas grow with the logarithm of bytes, "
+                   "shapes tell texels, the step line is the Pareto front, dash-dotted: path "
+                   "tracing in the time of the frame",
     "budget": "Where the error comes from: one stage after another as finite as in the program",
 }
 

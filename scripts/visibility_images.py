@@ -4,6 +4,7 @@
 a set of terms, all at one exposure, and where the last of them is too bright (red) or too dark
 (blue). What has been rendered by the same program is kept. Needs matplotlib."""
 import argparse
+import hashlib
 import json
 import pathlib
 import subprocess
@@ -47,6 +48,14 @@ def draw(target, pictures):
     pyplot.close(figure)
 
 
+def hash_of(scene):
+    """Of all files beside a scene's, which hold its geometry and pictures."""
+    content = hashlib.sha256()
+    for path in sorted(p for p in scene.parent.rglob("*") if p.is_file()):
+        content.update(path.read_bytes())
+    return content.hexdigest()
+
+
 class Pictures:
     def __init__(self, options):
         self.options, self.study = options, tomllib.loads(STUDY.read_text())
@@ -56,6 +65,8 @@ class Pictures:
         command = [str(self.options.program), *map(str, arguments), "--json", "--quiet"]
         if arguments[0] != "info":
             command += ["--cache", str(self.options.runs / "cache")]
+        if arguments[0] == "render" and self.options.device:
+            command += ["--device", self.options.device]
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             sys.stderr.write(done.stderr)
@@ -65,15 +76,15 @@ class Pictures:
     def kept(self, path, *arguments):
         """Runs what writes `path`, unless the same was done before."""
         note = path.with_suffix(".json")
-        words = [str(a) for a in arguments]
+        what = {"version": self.version, "arguments": [str(a) for a in arguments],
+                "scene": hash_of(ROOT / arguments[1])}
         try:
-            before = json.loads(note.read_text())
-            if path.exists() and before == {"version": self.version, "arguments": words}:
+            if path.exists() and json.loads(note.read_text()) == what:
                 return
         except (OSError, ValueError):
             pass
         self.run(*arguments, "-o", path)
-        note.write_text(json.dumps({"version": self.version, "arguments": words}) + "\n")
+        note.write_text(json.dumps(what) + "\n")
 
     def view(self, scene, camera, exposure):
         name, options = scene_name(scene), self.study["options"]
@@ -115,6 +126,7 @@ def main():
                         help="folder of the single pictures (default: results/runs/images)")
     parser.add_argument("-o", "--output", type=pathlib.Path,
                         default=ROOT / "results/published/visibility_terms")
+    parser.add_argument("--device", help="Vulkan device, see 'probelab info'")
     options = parser.parse_args()
     import matplotlib  # noqa: F401: before the minutes that the renders take
     options.program, options.runs = options.program.resolve(), options.runs.resolve()
