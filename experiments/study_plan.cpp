@@ -307,10 +307,10 @@ void applySize(const Reader& read, const toml::table& table, const std::string& 
   }
 }
 
-// What a value sets: its options, and of `set` and `option` the parameters and options by name.
-std::vector<std::string> namesSetBy(const StudyAxisValue& value) {
+// What these set: options, and of `set` and `option` the parameters and options by name.
+std::vector<std::string> namesSetBy(const OptionValues& options) {
   std::vector<std::string> names;
-  for (const auto& [option, values] : value.options) {
+  for (const auto& [option, values] : options) {
     if (option != "set" && option != "option") {
       names.push_back(option);
       continue;
@@ -326,7 +326,7 @@ void checkAxes(const Reader& read, const StudyPlan& plan) {
   std::map<std::string, std::string> set_by;
   for (const StudyAxis& axis : plan.axes)
     for (const StudyAxisValue& value : axis.values)
-      for (const std::string& name : namesSetBy(value)) {
+      for (const std::string& name : namesSetBy(value.options)) {
         const auto [other, is_new] = set_by.try_emplace(name, axis.name);
         if (!is_new && other->second != axis.name)
           throwInput("{}: the axes '{}' and '{}' both set '{}'", read.path, other->second,
@@ -337,15 +337,12 @@ void checkAxes(const Reader& read, const StudyPlan& plan) {
 // One of the study, or of a size, that every value of an axis sets would have no effect.
 void checkOptions(const Reader& read, const StudyPlan& plan) {
   for (const StudyAxis& axis : plan.axes)
-    for (const auto& option : plan.options) {
-      const std::string& name = option.first;
-      if (name != "set" && name != "option" &&
-          std::ranges::all_of(axis.values, [&](const StudyAxisValue& value) {
-            return value.options.contains(name);
+    for (const std::string& name : namesSetBy(plan.options))
+      if (std::ranges::all_of(axis.values, [&](const StudyAxisValue& value) {
+            return std::ranges::count(namesSetBy(value.options), name) > 0;
           }))
         throwInput("{}: the axis '{}' sets '{}', so that the options' has no effect", read.path,
                    axis.name, name);
-    }
 }
 
 // More seeds, and more receivers, for machines that can afford them.

@@ -300,6 +300,10 @@ class RunTest(CliTest):
         expect(STUDY.replace("[size.smoke]", "[size.smoke]\nsed = 3"), "unknown key 'sed'")
         expect(STUDY.replace("count = 32", "count = 32\nprobes = 3"),
                "axis 'probes' sets 'probes'", "no effect")
+        expect(STUDY.replace("count = 32", 'count = 32\nset = ["view_bias=0.1"]').replace(
+            'option = "probes"\nvalues = [1, 8]',
+            '[[axis.value]]\nname = "8"\noptions = { set = ["view_bias=0.2"] }'),
+            "axis 'probes' sets 'set view_bias'", "no effect")
         expect(STUDY.replace("[1, 2]", f"{list(range(10001))}"), ":5:", "more than 10000 seeds")
         self.write(STUDY)
         self.assertIn("more than 10000 seeds",
