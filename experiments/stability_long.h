@@ -42,7 +42,7 @@ struct LongNumbers {
   double expected = 0;  // distance of a batch's mean from the converged field, by noise alone
   double farthest = 0;  // largest distance of a batch
   double drift = 0;     // trend() of the batches' means, in standard errors
-  double grown_mib = 0;  // resident memory, largest after the first tenth over the end of that tenth
+  double grown_mib = 0;  // resident memory's steady growth over the batches after the first tenth
   double frozen = 0;    // largest of a batch
   double slowest = 0;   // slowest batch's median update over the fastest's
   double variance_ratio = 0;  // of the last quarter of the batches over that of the first

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 
 #include "base/rng.h"
 #include "stability_long.h"
@@ -56,15 +57,20 @@ TEST(LongRunNumbers, OfAQuietRunHold) {
 
 TEST(LongRunNumbers, TellMemoryThatGrowsAfterTheFirstTenth) {
   LongRun run = noisyRun(0.01, 0.1);
-  for (int b = 0; b < 5; ++b) run.batches[b].rss_mib = 90 + b;  // while it starts
-  for (int b = 4; b < kBatches; ++b) run.batches[b].rss_mib = 94;
-  EXPECT_EQ(longNumbers(run).grown_mib, 0);
-  run.batches[30].rss_mib = 95;  // a pool, and falls back
-  EXPECT_EQ(longNumbers(run).grown_mib, 1);
+  const auto growing = [&](const std::function<double(int)>& rss_mib) {
+    for (int b = 0; b < kBatches; ++b) run.batches[b].rss_mib = rss_mib(b);
+    return longNumbers(run).grown_mib;
+  };
+  EXPECT_EQ(growing([](int b) { return std::min(90.0 + b, 94.0); }), 0);  // while it starts
+  EXPECT_EQ(growing([](int b) { return b < 20 ? 94 : 97; }), 0);          // a block, once
+  EXPECT_EQ(growing([](int b) { return b == 40 ? 194 : 94; }), 0);        // and given back
   EXPECT_EQ(failing(run), std::vector<std::string>());
-  run.batches[40].rss_mib = 97;
-  EXPECT_EQ(longNumbers(run).grown_mib, 3);
+  EXPECT_NEAR(growing([](int b) { return 94 + 0.1 * b; }), 4.4, 1e-9);
   EXPECT_EQ(failing(run), std::vector<std::string>{"long.memory"});
+  // As a container's doubling: now and then, and more each time.
+  EXPECT_GT(growing([](int b) { return 94 + std::exp2(b / 8); }), 2);
+  EXPECT_EQ(failing(run), std::vector<std::string>{"long.memory"});
+  EXPECT_NEAR(growing([](int b) { return 94 + 1.5 * (b / 5); }), 12, 1.5);
 }
 
 TEST(LongRunNumbers, TellADriftThatNoiseHides) {
