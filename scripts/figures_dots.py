@@ -3,8 +3,9 @@
 interpolants, formats, error budget. draw_NAME(pyplot, study, tables) returns {suffix: figure}.
 Needs matplotlib."""
 from figures_curves import floor_handle, pick
-from figures_panels import (MARKERS, PAGE, Sheet, bounds_of, colour, count_axis,
-                            draw_points, floor_lines, pretty, ratio_axis, shades)
+from figures_panels import (COLUMN, MARKERS, PAGE, Sheet, bounds_of, colour, count_axis,
+                            draw_points, floor_lines, name_places, pretty, ratio_axis,
+                            room_for_places, shades)
 from figures_tables import LEAST_LEAK
 
 UNITS = {"query ns": "query, ns a point"}
@@ -28,8 +29,9 @@ def values_of(rows):
 def draw_visibility_terms(pyplot, study, tables):
     rows, scenes, terms = tables[""], study.axis("scene"), study.axis("terms")
     metrics = ["nrmse", "light leak", "shadow leak"]
+    labels, width = [pretty(s) for s in scenes], PAGE if len(scenes) > 1 else COLUMN
     sheet = Sheet(pyplot, len(metrics), 1, 1.35, [*terms, "noise floor"], sharex=True,
-                  width=PAGE if len(scenes) > 1 else None)
+                  width=width, more=room_for_places(labels, width))
     floor = None
     for metric, (panel,) in zip(metrics, sheet.panels):
         of = pick(rows, metric=metric)
@@ -43,8 +45,7 @@ def draw_visibility_terms(pyplot, study, tables):
         panel.set_ylabel(metric)
         panel.grid(False, axis="x")
         panel.tick_params(axis="x", length=0)
-    panel.set_xticks(range(len(scenes)), [pretty(s) for s in scenes], fontsize=8)
-    panel.set_xlim(-0.55, len(scenes) - 0.45)
+    name_places(panel, labels, sheet.width)
     handles = [pyplot.Rectangle((0, 0), 1, 1, color=colour(i)) for i in range(len(terms))]
     sheet.legend(handles + [floor_handle(pyplot)] * bool(floor),
                  [*terms] + ["noise floor"] * bool(floor))
@@ -182,8 +183,10 @@ def draw_budget(pyplot, study, tables):
     metrics = [m for m in ("nrmse", "share", "light leak") if pick(rows, metric=m)]
     rungs = list(dict.fromkeys(r["name"] for r in sorted(rows, key=lambda r: r["rung"])))
     shade = shades(pyplot, len(rungs))
+    labels = ["\n".join(filter(None, (pretty(s), t))) for s, t in places]
+    width = PAGE if len(places) > 1 else COLUMN
     sheet = Sheet(pyplot, len(metrics), 1, 1.45, [*rungs, "noise floor"], sharex=True,
-                  width=PAGE if len(places) > 1 else None)
+                  width=width, more=room_for_places(labels, width))
     floor = None
     for metric, (panel,) in zip(metrics, sheet.panels):
         of = pick(rows, metric=metric)
@@ -202,9 +205,7 @@ def draw_budget(pyplot, study, tables):
         panel.set_ylabel("share of nrmse$^2$" if metric == "share" else metric)
         panel.grid(False, axis="x")
         panel.tick_params(axis="x", length=0)
-    panel.set_xticks(range(len(places)), ["\n".join(filter(None, (pretty(s), t)))
-                                          for s, t in places], fontsize=8)
-    panel.set_xlim(-0.55, len(places) - 0.45)
+    name_places(panel, labels, sheet.width)
     sheet.legend([pyplot.Rectangle((0, 0), 1, 1, color=c) for c in shade]
                  + [floor_handle(pyplot)] * bool(floor), rungs + ["noise floor"] * bool(floor))
     return {"": sheet.figure}

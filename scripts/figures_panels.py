@@ -61,6 +61,29 @@ class Sheet:
                            borderaxespad=0.2)
 
 
+def crowded(labels, width):
+    """Whether labels of a panel `width` inches wide would touch when written side by side."""
+    longest = max(len(line) for label in labels for line in label.split("\n"))
+    return 0.072 * longest > 0.9 * width / len(labels)
+
+
+def name_places(panel, labels, width):
+    """Names of places 0, 1, ... below a panel: across, or leaning where they are crowded."""
+    lean = crowded(labels, width)
+    options = {"rotation": 45, "ha": "right", "rotation_mode": "anchor"} if lean else {}
+    if lean:
+        labels = [label.replace("\n", ", ") for label in labels]
+    panel.set_xticks(range(len(labels)), labels, fontsize=8, **options)
+    panel.set_xlim(-0.55, len(labels) - 0.45)
+
+
+def room_for_places(labels, width):
+    """Inches that name_places() wants beyond a line of text."""
+    if not crowded(labels, width):
+        return 0.0
+    return 0.05 * max(len(label) for label in labels)
+
+
 def grid_of(count, most=3):
     """Rows and columns for so many panels, with as few blank ones as the rows allow."""
     rows = math.ceil(count / most)
