@@ -66,6 +66,7 @@ def draw_study(pyplot, study, kind, folder, damaged):
     import figures_curves
     import figures_dots
     import figures_extra
+    import figures_panels
     name = f"draw_{kind}"
     draw = next(getattr(module, name) for module in (figures_curves, figures_dots, figures_extra)
                 if hasattr(module, name))
@@ -73,11 +74,9 @@ def draw_study(pyplot, study, kind, folder, damaged):
         tables, written = write_tables(study, kind, part)
         for suffix, figure in draw(pyplot, study, tables).items():
             stem = file_stem(study, suffix)
-            figure.savefig(part / f"{stem}.pdf", metadata={"CreationDate": None})
-            figure.savefig(part / f"{stem}.png")
-            pyplot.close(figure)
+            written += [part / name for name in figures_panels.save(figure, part, stem)]
             (part / f"{stem}.txt").write_text(caption(kind, suffix, study, tables, damaged))
-            written += [part / f"{stem}{ending}" for ending in (".pdf", ".png", ".txt")]
+            written.append(part / f"{stem}.txt")
     return [folder / path.name for path in written]
 
 

@@ -18,6 +18,15 @@ def load_pyplot():
     return pyplot
 
 
+def save(figure, folder, stem):
+    """Writes a figure as PDF and PNG and closes it; returns the names of both."""
+    from matplotlib import pyplot
+    figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})
+    figure.savefig(folder / f"{stem}.png")
+    pyplot.close(figure)
+    return [f"{stem}.pdf", f"{stem}.png"]
+
+
 def pretty(name):
     scene, _, part = name.partition("/scene_")
     return f"{scene} {part}".replace("_", " ").strip()

@@ -295,7 +295,7 @@ def main():
     return row_study.run_study("placement", options, study, SimpleNamespace(
         run=run, report=report, draw=write_figure,
         counted=lambda study, rows: [r for r in rows if r["settings"] == settings_of(study)],
-        published=lambda _: {name: name for name in ("curves.svg", "curves.png")}))
+        published=lambda _: {name: name for name in ("curves.pdf", "curves.png")}))
 
 
 if __name__ == "__main__":

@@ -14,55 +14,60 @@ def curve_interval(results, key, seeds):
                         for s in bootstrap_sums(squares, names)])
 
 
-def draw_panel(panel, tables, scene, lights, names):
-    """The curves of the layouts with their 95 % intervals."""
-    for name in names:
-        points = tables.curve(scene, name, lights)
-        if not points:
-            continue
-        bounds = [curve_interval(tables.results, (scene, name, n, lights),
-                                 tables.results.seeds(scene, name, n, lights)) for n, _ in points]
-        counts = [n for n, _ in points]
-        line, = panel.plot(counts, [e for _, e in points], marker="o", markersize=3,
-                           linewidth=2 if name in tables.ours else 1, label=name)
-        panel.fill_between(counts, [b[0] for b in bounds], [b[1] for b in bounds],
-                           color=line.get_color(), alpha=0.15, linewidth=0)
-    panel.set_xscale("log", base=2)
-    panel.xaxis.set_major_formatter("{x:g}")
-    panel.set_yscale("log")
-    panel.set_title(f"{scene}, {LIGHTS[lights]}", fontsize=9)
-    panel.grid(True, which="both", linewidth=0.3)
+def points_of(tables, scene, lights, name):
+    """A curve's points with their 95 % intervals."""
+    found = []
+    for n, error in tables.curve(scene, name, lights):
+        seeds = tables.results.seeds(scene, name, n, lights)
+        low, high = curve_interval(tables.results, (scene, name, n, lights), seeds)
+        found.append({"n": n, "value": error, "low": low, "high": high})
+    return found
+
+
+def draw_panel(panel, curves):
+    """Curves {layout: points} with their intervals; returns handles for a legend."""
+    from figures_panels import MARKERS, bounds_of, colour, count_axis, ratio_axis
+    points = [p for of in curves.values() for p in of]
+    count_axis(panel.xaxis, [p["n"] for p in points])
+    ratio_axis(panel.yaxis, [v for v in bounds_of(points) if v > 0])
+    handles = []
+    for i, of in enumerate(curves.values()):
+        xs, tone = [p["n"] for p in of], colour(i)
+        handles += panel.plot(xs, [p["value"] for p in of], color=tone,
+                              marker=MARKERS[i % len(MARKERS)])
+        panel.fill_between(xs, [p["low"] for p in of], [p["high"] for p in of], color=tone,
+                           alpha=0.15, linewidth=0)
+    return handles
 
 
 def write_figure(study, rows, folder):
-    """curves.svg and curves.png: nrmse against N, a panel a scene and kind of light. Returns why
+    """curves.pdf and curves.png: nrmse against N, a panel a scene and kind of light. Returns why
     there is none, where there could be one."""
     tables = Tables(study, rows)
     names = study.get("curves", {}).get("layouts", [])
-    curves = [(s, lights) for s in tables.scenes for lights in LIGHTS
-              if any(len(tables.curve(s, n, lights)) >= 3 for n in names)]
-    scenes = [s for s in tables.scenes if any(s == scene for scene, _ in curves)]
-    shown = [lights for lights in LIGHTS if any(lights == of for _, of in curves)]
-    if not scenes:
+    panels = {(lights, s): {n: points_of(tables, s, lights, n) for n in names}
+              for s in tables.scenes for lights in LIGHTS
+              if any(len(tables.curve(s, n, lights)) >= 3 for n in names)}
+    if not panels:
         return []
     try:
-        import matplotlib
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
+        from figures_panels import PAGE, Sheet, load_pyplot, pretty, save
+        pyplot = load_pyplot()
     except ImportError as error:
         return [f"no figure: {no_matplotlib(error)}"]
-    matplotlib.rcParams["svg.hashsalt"] = "probelab"
-    figure, axes = pyplot.subplots(len(shown), len(scenes), squeeze=False, sharex=True,
-                                   figsize=(3.4 * len(scenes), 3.0 * len(shown)))
-    for i, lights in enumerate(shown):
-        for j, scene in enumerate(scenes):
-            draw_panel(axes[i][j], tables, scene, lights, names)
-        axes[i][0].set_ylabel("nrmse")
-    for panel in axes[-1]:
+    shown = [lights for lights in LIGHTS if any(lights == of for of, _ in panels)]
+    scenes = [s for s in tables.scenes if any(s == of for _, of in panels)]
+    sheet = Sheet(pyplot, len(shown), len(scenes), 1.7, names, width=PAGE, sharex=True)
+    for lights, line in zip(shown, sheet.panels):
+        for scene, panel in zip(scenes, line):
+            if (lights, scene) not in panels:
+                panel.set_axis_off()
+                continue
+            handles = draw_panel(panel, panels[lights, scene])
+            panel.set_title(f"{pretty(scene)}\n{LIGHTS[lights]}")
+        line[0].set_ylabel("nrmse")
+    for panel in sheet.panels[-1]:
         panel.set_xlabel("probes")
-    axes[0][0].legend(fontsize=8)
-    figure.tight_layout()
-    figure.savefig(folder / "curves.svg", metadata={"Date": None})
-    figure.savefig(folder / "curves.png", dpi=110)
-    pyplot.close(figure)
+    sheet.legend(handles, names)
+    save(sheet.figure, folder, "curves")
     return []

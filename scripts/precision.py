@@ -110,7 +110,7 @@ def draw_panel(panel, curves):
 
 
 def draw(result, folder):
-    from figures_panels import PAGE, load_pyplot
+    from figures_panels import PAGE, load_pyplot, save
     pyplot = load_pyplot()
     panels = {name: [c for c in result["curves"] if c["id"].startswith(name + ".")]
               for name in PANELS}
@@ -129,9 +129,7 @@ def draw(result, folder):
             panel.invert_xaxis()  # so that it gets harder to the right
         panel.legend(handles, [c["curve"] for c in curves], loc="upper left", fontsize=6,
                      bbox_to_anchor=(1.0, 1.03), borderaxespad=0.2, handlelength=1.6)
-    for ending in ("png", "pdf"):
-        figure.savefig(folder / f"precision.{ending}")
-    pyplot.close(figure)
+    save(figure, folder, "precision")
 
 
 def publish(result, folder):

@@ -178,7 +178,8 @@ def score_rows(common, names, score, renamed, run, others=True):
     return rows
 
 
-FILES = ("bias_map.png", "searches.png", "errors.png", "tuned.toml")  # of a report; published
+FILES = ("tuned.toml", *(f"{name}{ending}" for name in ("bias_map", "searches", "errors")
+                         for ending in (".pdf", ".png")))  # of a report; published
 
 
 def draw_figures(folder, units):

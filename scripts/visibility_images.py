@@ -33,7 +33,7 @@ def terms(study):
 
 def draw(target, pictures):
     """Rows of pictures with their names above, as PNG and PDF."""
-    from figures_panels import PAGE, load_pyplot
+    from figures_panels import PAGE, load_pyplot, save
     pyplot = load_pyplot()
     rows = -(-len(pictures) // COLUMNS)
     figure, panels = pyplot.subplots(rows, COLUMNS, squeeze=False, figsize=(
@@ -43,9 +43,7 @@ def draw(target, pictures):
     for (name, path), panel in zip(pictures, (p for row in panels for p in row)):
         panel.imshow(pyplot.imread(path), interpolation="none")
         panel.set_title(name, fontsize=8, pad=2)
-    figure.savefig(target)
-    figure.savefig(target.with_suffix(".pdf"), metadata={"CreationDate": None})
-    pyplot.close(figure)
+    save(figure, target.parent, target.stem)
 
 
 def hash_of(scene):

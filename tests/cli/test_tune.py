@@ -352,9 +352,10 @@ class Figure(CliTest):
                                    self.folder], capture_output=True, text=True, timeout=300)
             names = [n if n in twins[:2] else n.split("/")[-1] for n in presets]
             self.assertEqual(done.stdout.splitlines(), [
-                " ".join(("bias_map.png probelab tuned", *names)),
-                " ".join(("errors.png noise floor probelab (from) tuned", *names)),
-                "bias_map.png errors.png"], done.stderr)
+                *(" ".join((f"bias_map.{e} probelab tuned", *names)) for e in ("pdf", "png")),
+                *(" ".join((f"errors.{e} probelab (from) tuned", *names, "noise floor"))
+                  for e in ("pdf", "png")),
+                "bias_map.pdf bias_map.png errors.pdf errors.png"], done.stderr)
 
     def refused(self, *options, words=()):
         done = subprocess.run([self.PYTHON, "-B", SOURCE / "scripts/tuning_figure.py", self.folder,
