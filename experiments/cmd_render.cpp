@@ -21,6 +21,7 @@
 #include "image/tonemap.h"
 #include "require.h"
 #include "table.h"
+#include "traced_shading.h"
 
 namespace probelab {
 namespace {
@@ -31,17 +32,18 @@ struct RenderOptions {
   std::string output, compare;
   int width = 640, height = 360, spp = 16;
   std::optional<double> exposure;
-  bool show_probes = false;
+  bool show_probes = false, traced_visibility = false;
 };
 
 constexpr float kBallRadius = 0.1f;  // of a probe's bias length
 
 std::map<std::string, std::string> attributesOf(const FieldSetup& setup, const Camera& camera,
-                                                const FieldRun& run, int spp) {
+                                                const FieldRun& run, const RenderOptions& options) {
   std::map<std::string, std::string> attributes;
   for (const auto& [name, value] : toAttributes(setup.provenance)) attributes[name] = value;
   attributes["probelab:camera"] = camera.name;
-  attributes["probelab:samples"] = std::to_string(spp);
+  attributes["probelab:samples"] = std::to_string(options.spp);
+  if (options.traced_visibility) attributes["probelab:visibility"] = "traced";
   attributes["probelab:params"] = setup.params.name;
   attributes["probelab:strategy"] = setup.field->layout().strategy;
   attributes["probelab:probes"] = std::to_string(setup.field->probeCount());
@@ -57,13 +59,24 @@ ImageFile toImageFile(const FieldImage& image) {
   return file;
 }
 
+ShadeRays shadingOf(const RenderOptions& options, FieldSetup& setup, FieldCamera& view) {
+  if (!options.traced_visibility)
+    return [&view](std::span<const Ray> rays) { return view.shade(rays); };
+  return [&setup, &view, field = takeSnapshot(*setup.field),
+          materials = makeMaterialTable(setup.scene)](std::span<const Ray> rays) {
+    ShadedRays shaded = view.shade(rays);
+    replaceVisibility(rays, field, setup.params, setup.scene, setup.embree, materials, shaded);
+    return shaded;
+  };
+}
+
 FieldImage renderImage(const RenderOptions& options, FieldSetup& setup, const Camera& camera,
                        const Invocation& invocation) {
   Progress progress("image", 1, invocation.common.quiet);
   FieldCamera view(setup.gpu, *setup.field, setup.scene, setup.embree);
   FieldImage image =
-      renderField(view, camera, options.width, options.height, options.spp, invocation.common.seed,
-                  [&](double done) { progress.update(done); });
+      renderField(shadingOf(options, setup, view), camera, options.width, options.height,
+                  options.spp, invocation.common.seed, [&](double done) { progress.update(done); });
   progress.finish();
   if (options.show_probes)
     drawProbes(image, *setup.field, camera, kBallRadius * setup.field->layout().bias_length_m);
@@ -93,7 +106,7 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
   LoadedImage image{options.output, toImageFile(renderImage(options, setup, camera, invocation)),
                     ""};
   requireNoValidationMessages(setup.gpu);
-  image.file.attributes = attributesOf(setup, camera, run, options.spp);
+  image.file.attributes = attributesOf(setup, camera, run, options);
 
   Json result = {{"output", options.output},
                  {"picture", picture.string()},
@@ -104,6 +117,7 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
                  {"height", options.height},
                  {"samples", options.spp},
                  {"params", setup.params.name},
+                 {"traced_visibility", options.traced_visibility},
                  {"strategy", setup.field->layout().strategy},
                  {"probes", setup.field->probeCount()},
                  {"active_probes", setup.field->states().activeCount()},
@@ -177,6 +191,10 @@ void addRenderCommand(Program& program) {
                  "is one)")
       ->type_name("EV")
       ->check(checkFinite)
+      ->group("Image");
+  app.add_flag("--traced-visibility", options->traced_visibility,
+               "answer for the camera with rays to the probes in place of their moments, on the "
+               "CPU: what no visibility test can beat (bounces keep the moments')")
       ->group("Image");
   app.add_flag("--show-probes", options->show_probes,
                "draw the probes as balls of their irradiance")

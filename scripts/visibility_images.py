@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Small renders of the study visibility_terms: for two scenes the path-traced reference, a picture
-a set of terms, all at one exposure, and where the last of them is too bright (red) or too dark
+a set of terms, all at one exposure, and where the whole test is too bright (red) or too dark
 (blue). What has been rendered by the same program is kept. Needs matplotlib."""
 import argparse
+import functools
 import hashlib
 import json
 import pathlib
@@ -19,16 +20,23 @@ STUDY = ROOT / "experiments/studies/visibility_terms.toml"
 # is not taken from a reference that is black.
 VIEWS = (("scenes/two_rooms_door/scene.toml", "unlit room", 3),
          ("scenes/thin_wall/scene_05cm.toml", "east", 3))
-COLUMNS = 4
+COLUMNS = 3
 WIDTH, HEIGHT = 224, 126
 SAMPLES = {"smoke": (16, 4), "quick": (64, 16), "published": (256, 16)}  # reference, render
 
 
 def terms(study):
-    """[(name, --set values)] of the axis; what another command computes is no picture."""
+    """[(name, options of `render`)] of the axis. What `budget` computes is pictured by rays in place
+    of the moments."""
     axis, = (a for a in study["axis"] if a["name"] == "terms")
-    return [(v["name"], v.get("options", {}).get("set", [])) for v in axis["value"]
-            if "command" not in v]
+    return [(v["name"], ["--traced-visibility"] if v.get("command") == "budget" else
+             [w for s in v.get("options", {}).get("set", []) for w in ("--set", s)])
+            for v in axis["value"]]
+
+
+def last_of(names):
+    """The whole test: the last of the terms that is one."""
+    return [n for n, options in names if "--traced-visibility" not in options][-1]
 
 
 def draw(target, pictures):
@@ -46,6 +54,7 @@ def draw(target, pictures):
     save(figure, target.parent, target.stem)
 
 
+@functools.lru_cache
 def hash_of(scene):
     """Of all files beside a scene's, which hold its geometry and pictures."""
     content = hashlib.sha256()
@@ -92,23 +101,24 @@ class Pictures:
                 exposure]
         spp, render_spp = SAMPLES[self.options.size]
         self.kept(folder / "reference.exr", "reference", *look, "--spp", spp)
-        images = []
-        for term, settings in terms(self.study):
+        images, names = [], terms(self.study)
+        for term, more in names:
             images.append(folder / f"{term}.exr")
             self.kept(images[-1], "render", *look, "--spp", render_spp, "--params",
                       options["params"], "--probes", self.options.probes, "--rays",
-                      options["rays"], "--updates", options["updates"],
-                      *(w for s in settings for w in ("--set", s)))
-        self.run("compare", images[-1], folder / "reference.exr", "-o", folder / "error.png")
+                      options["rays"], "--updates", options["updates"], *more)
+        last = last_of(names)
+        self.run("compare", folder / f"{last}.exr", folder / "reference.exr", "-o",
+                 folder / "error.png")
         target = self.options.output / f"images_{name}.png"
-        last = terms(self.study)[-1][0]
         draw(target, [("reference", folder / "reference.png"),
                       *((i.stem, i.with_suffix(".png")) for i in images),
                       (f"error of '{last}'", folder / "error.png")])
         caption = (f"{name}, camera '{camera}', {WIDTH} x {HEIGHT}, exposure {exposure} stops: "
                    f"path-traced reference ({spp} samples), then by the terms of the visibility "
-                   f"test: {', '.join(t for t, _ in terms(self.study))}; last where that is too "
-                   f"bright (red) or too dark (blue). At most {self.options.probes} probes, preset "
+                   f"test: {', '.join(t for t, _ in names)} (exact: rays to the probes in place of "
+                   f"their moments, for the camera alone); last where '{last}' is too bright (red) "
+                   f"or too dark (blue). At most {self.options.probes} probes, preset "
                    f"{options['params']}, {options['rays']} rays, {options['updates']} updates, "
                    f"seed 1, version {self.version}.\n")
         target.with_suffix(".txt").write_text(caption)

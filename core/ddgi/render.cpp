@@ -38,8 +38,8 @@ void checkFinite(const FieldImage& image) {
 
 }  // namespace
 
-FieldImage renderField(FieldCamera& view, const Camera& camera, int width, int height, int spp,
-                       uint64_t seed, const std::function<void(double)>& progress) {
+FieldImage renderField(const ShadeRays& shade, const Camera& camera, int width, int height,
+                       int spp, uint64_t seed, const std::function<void(double)>& progress) {
   if (width < 1 || height < 1 || width > 16384 || height > 16384)
     throwInput("image size {} x {}: each side takes 1 to 16384 pixels", width, height);
   if (spp < 1) throwInput("{} samples a pixel: at least 1 is needed", spp);
@@ -53,7 +53,7 @@ FieldImage renderField(FieldCamera& view, const Camera& camera, int width, int h
   const float weight = 1.0f / static_cast<float>(spp);
   for (int sample = 0; sample < spp; ++sample) {
     throwIfInterrupted();
-    const ShadedRays results = view.shade(pixelRays(camera, image, sample, seed));
+    const ShadedRays results = shade(pixelRays(camera, image, sample, seed));
     for (std::size_t i = 0; i < pixels; ++i) {
       const Vec4f& l = results.radiance[i];
       const Vec4f& e = results.irradiance[i];

@@ -4,7 +4,7 @@ import csv
 import json
 import unittest
 
-from support import CliTest, write_glb
+from support import CliTest, SOURCE, write_glb
 
 NO_DEVICE = {"VK_ICD_FILENAMES": "/nonexistent/icd.json",
              "VK_DRIVER_FILES": "/nonexistent/icd.json"}
@@ -121,6 +121,22 @@ class Render(FieldTest):
         for name, options in (("plain", ()), ("balls", ("--show-probes",))):
             self.run_ok("render", "room.glb", "-o", f"{name}.exr", *FIELD, *self.SIZE, *options)
         self.assertGreater(self.run_json("compare", "balls.exr", "plain.exr")["error"]["rmse"], 0)
+
+    def test_traced_visibility(self):
+        """In an empty room rays see all probes, so they say what no test at all says; where a
+        wall stands between, they do not."""
+        scene = SOURCE / "scenes/two_rooms_door/scene.toml"
+        look = (*self.SIZE, "--set", "visibility=false")
+        for folder, of, options in (("empty", "room.glb", look),
+                                    ("wall", scene, (*look, "--camera", "unlit room"))):
+            for name, more in (("plain", ()), ("traced", ("--traced-visibility",))):
+                told = self.run_json("render", of, "-o", f"{folder}_{name}.exr", *FIELD, *options,
+                                     "--spp", 2, *more)
+                self.assertEqual(told["traced_visibility"], name == "traced")
+        same, other = (self.run_json("compare", f"{of}_traced.exr", f"{of}_plain.exr")["error"]
+                       for of in ("empty", "wall"))
+        self.assertLess(same["rmse"], 1e-4)
+        self.assertGreater(other["rmse"], 0.01)
 
     def test_a_reference_of_another_size_is_refused_at_once(self):
         self.run_ok("reference", "room.glb", "-o", "ref.exr", "--spp", 4, *self.SIZE)

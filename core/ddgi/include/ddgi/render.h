@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "ddgi/field_camera.h"
@@ -17,9 +18,12 @@ struct FieldImage {
   std::vector<float> depth;       // metres, 0 on a miss
 };
 
+// What camera rays bring, as FieldCamera::shade says.
+using ShadeRays = std::function<ShadedRays(std::span<const Ray>)>;
+
 // `spp` jittered samples a pixel, a function of (seed, pixel, sample). Throws NumericalError naming
 // the pixel where a value is not finite, InputError unless 1 <= width, height <= 16384.
-FieldImage renderField(FieldCamera& view, const Camera& camera, int width, int height, int spp,
+FieldImage renderField(const ShadeRays& shade, const Camera& camera, int width, int height, int spp,
                        uint64_t seed, const std::function<void(double)>& progress = {});
 
 // Draws probes as shaded balls over an image: where `depth` lets them be seen, coloured by the
