@@ -272,6 +272,7 @@ void TemporalRecord::add(int done) {
 Json TemporalRecord::toJson() const {
   Json json = {{"nrmse_after", Json::object()},
                {"updates_to_90", updatesTo(means_, 0.9)},
+               {"updates_to_95", updatesTo(means_, 0.95)},
                {"updates_to_99", updatesTo(means_, 0.99)},
                {"flicker", nullptr}};
   for (const auto& [updates, nrmse] : nrmse_after_)

@@ -84,7 +84,7 @@ class TemporalRecord {
   void add(int done);
   // {"nrmse_after": {"1": ...}, "updates_to_90": first update after which the mean over receivers
   // is at least 90 % of the last one, null when that is in the last quarter of the run and so no
-  // settled level, "updates_to_99", "flicker": mean over receivers of sigma / mu
+  // settled level, "updates_to_95", "updates_to_99", "flicker": mean over receivers of sigma / mu
   // of luminance over the last 32 updates, by area, or null when fewer were run}.
   Json toJson() const;
 

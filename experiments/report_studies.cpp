@@ -29,7 +29,7 @@ constexpr KnownColumn kMain[] = {
     {"error.shadow_leak", "shadow leak", "1",
      "light too little where R is above a tenth of its mean, over that mean"},
     {"temporal.flicker", "flicker", "1", "standard deviation over mean, from update to update"},
-    {"temporal.updates_to_90", "to 90 %", "updates", "updates to 90 % of a step"},
+    {"temporal.updates_to_95", "to 95 %", "updates", "updates to 95 % of a step"},
     {"speed.frame_ms", "frame", "ms", "an update and the queries of a 1080p frame"},
     {"speed.update_ms", "update", "ms", "an update of the field"},
     {"probes.stored", "probes stored", "probes", "probes that own texels"},

@@ -186,7 +186,7 @@ def draw_thin_wall(pyplot, study, tables):
 
 def draw_rays_hysteresis(pyplot, study, tables):
     rows, scenes = tables[""], study.axis("scene")
-    metrics = [m for m in ("nrmse", "flicker", "updates to 90 %", "updates to 99 %")
+    metrics = [m for m in ("nrmse", "flicker", "updates to 95 %", "updates to 99 %")
                if pick(rows, metric=m)]
     hysteresis = study.axis("hysteresis")
     series = [{"hysteresis": h, "warm-up": w} for h in hysteresis for w in study.axis("warm-up")

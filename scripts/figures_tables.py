@@ -116,10 +116,10 @@ def tables_rays_hysteresis(study):
     """Without updates to a level where one of the seeds did not settle within its run."""
     keys = ["scene", "rays", "hysteresis", "warm-up"]
     rows = metric_rows(study, keys, {**NRMSE, "flicker": "temporal.flicker",
-                                     "updates to 90 %": "temporal.updates_to_90",
+                                     "updates to 95 %": "temporal.updates_to_95",
                                      "updates to 99 %": "temporal.updates_to_99"})
     ran = {tuple(r[k] for k in keys): r["seeds"] for r in rows if r["metric"] == "nrmse"}
-    return {"": [r for r in rows if r["metric"] not in ("updates to 90 %", "updates to 99 %")
+    return {"": [r for r in rows if r["metric"] not in ("updates to 95 %", "updates to 99 %")
                  or r["seeds"] >= ran.get(tuple(r[k] for k in keys), 0)]}
 
 

@@ -12,7 +12,7 @@ NUMBERS = tuple(f"error.{e}" for e in ERRORS) + tuple(f"error.noise_floor.{e}" f
     "speed.blend_ms", "speed.query_ns_per_point", "speed.frame_ms", "speed.rays_per_s",
     "work.rays", "memory_bytes", "memory.atlas_per_probe", "layout_build_s", "updates",
     "receivers.count", "receivers.seconds", "temporal.flicker", "temporal.updates_to_90",
-    "temporal.updates_to_99")
+    "temporal.updates_to_95", "temporal.updates_to_99")
 RUNG = ("nrmse", "bias", "light_leak", "shadow_leak", "smape", "share", "mean_square", "noise")
 
 

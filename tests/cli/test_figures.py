@@ -206,11 +206,11 @@ class Numbers(FiguresTest):
 
     def test_updates_to_a_level_that_one_seed_did_not_settle_at_are_left_out(self):
         cells = [cell("rays_hysteresis", seed=seed, rays=64, hysteresis="0.99", **{"warm-up": 0},
-                      result=errors(0.1, temporal={"flicker": 0.1, "updates_to_90": 10 * seed,
+                      result=errors(0.1, temporal={"flicker": 0.1, "updates_to_95": 10 * seed,
                                                    "updates_to_99": to_99}))
                  for seed, to_99 in ((1, 50), (2, None))]
         rows = figures_tables.tables_rays_hysteresis(self.study(cells))[""]
-        self.assertEqual(self.row(rows, metric="updates to 90 %")["value"], 15)
+        self.assertEqual(self.row(rows, metric="updates to 95 %")["value"], 15)
         self.assertEqual([r for r in rows if r["metric"] == "updates to 99 %"], [])
 
     def test_budget_rungs(self):
@@ -567,7 +567,7 @@ def every_study():
             error, light=0.0 if i == 0 else 10.0 ** -(3 + i % 5), shadow=0.01 / (1 + i),
             bias=-0.1 * (i % 7), probes={"stored": 60 + 37 * i}, lattice=[6 + i % 3, 3, 4],
             memory={"atlas_per_probe": 400 + 100 * i}, memory_bytes=10000 * (1 + i), updates=64,
-            temporal={"nrmse_after": after, "updates_to_90": 1 + i, "updates_to_99": 5 + 9 * i,
+            temporal={"nrmse_after": after, "updates_to_95": 1 + i, "updates_to_99": 5 + 9 * i,
                       "flicker": 0.3 / rays ** 0.5},
             speed={"update_ms": 2.0 + i, "frame_ms": 300.0 + 9 * i * seed,
                    "query_ns_per_point": 200 + i}, work={"rays": rays * (60 + 37 * i)},

@@ -28,7 +28,7 @@ STUDIES = sorted(p.parent for p in PUBLISHED.glob("*/manifest.json")
 # Names of figures' numbers -> columns of rows.csv.
 COLUMNS = {"nrmse": "error.nrmse", "light leak": "error.light_leak",
            "shadow leak": "error.shadow_leak", "bias": "error.bias", "share": "error.share",
-           "flicker": "temporal.flicker", "updates to 90 %": "temporal.updates_to_90",
+           "flicker": "temporal.flicker", "updates to 95 %": "temporal.updates_to_95",
            "updates to 99 %": "temporal.updates_to_99", "query ns": "speed.query_ns_per_point"}
 NOT_AXES = {"metric", "value", "low", "high", "seeds", "floor", "scene"}
 
