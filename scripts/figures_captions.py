@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The captions of figures: what is drawn, and from which runs. Standard library only."""
+import tomllib
+
 from figures_cells import completeness, count, ordered, scenes_and_states
 from figures_tables import LEAST_LEAK, SHUT
+from overview import ROOT
+
+WARM_UP = tomllib.loads((ROOT / "core/ddgi/presets/probelab.toml").read_text())["warm_up"]
 
 INTERVALS = ("Points are means over seeds, after the lighting states of a scene are combined "
              "within each seed (root of the mean square for nrmse, else the mean); intervals are "
@@ -33,12 +38,12 @@ SAYS = {
                         "(exact: by rays, of path-traced light); axes are logarithmic, so that the "
                         "length of a bar has no meaning, its end has; " + FLOOR,
     "rays_hysteresis": "Error after the last update, flicker (sigma / mu over the last 32 "
-                       "updates), and updates until the mean over the receivers first reaches 90 "
+                       "updates), and updates until the mean over the receivers first reaches 95 "
                        "and 99 % of the last one (left out where that is in the last quarter of "
                        "the run, which then has not settled), by rays a probe and update and by "
                        "hysteresis; warm-up: the first updates without history, then a running "
                        "mean until that has the hysteresis' (all other curves without; preset "
-                       "probelab with 8); "
+                       f"probelab with {WARM_UP}); "
                        + FLOOR,
     "texels": "Error and light leak by the texels along an edge of the irradiance and moment maps, "
               "at one number of probes and at one number of bytes of texels, where finer maps "
@@ -61,7 +66,7 @@ SAYS = {
                    "time_to_error says which setting is first within an error, by the time of its "
                    "updates from black (errors are known after 1, 2, 3, 4, 6, 8, 12, ... updates). "
                    "warm-up: the first updates without history, then a running mean; preset "
-                   "probelab has one of 8, the published presets have none of their own",
+                   f"probelab has one of {WARM_UP}, the published presets have none of their own",
     "grid_robustness": "Error and leaks of lattices with the same number of probes in free space, "
                        "moved along every axis by a share of their spacing, under the same rooms "
                        "turned about the vertical axis; the table spread says how far the values "
