@@ -64,6 +64,14 @@ def recomputed(rows, point):
     return (statistics.fmean(values), min(values), max(values)) if values else None
 
 
+def floor_of(rows, point):
+    """The reference's noise at a figure's point, from the rows."""
+    floors = [{**r, COLUMNS[point["metric"]]: r["error.noise_floor."
+                                                 + COLUMNS[point["metric"]].partition(".")[2]]}
+              for r in rows]
+    return recomputed(floors, point)[0]
+
+
 def wrong_points(folder, rows, most=60):
     """Points of a study's figure that are not what the rows give, of a sample; and how many were
     compared."""
@@ -234,6 +242,35 @@ class Studies(unittest.TestCase):
                     if row[column]:
                         row[column] = str(1.01 * float(row[column]) + 1e-3)
                 self.assertTrue(wrong_points(folder, rows)[0])
+
+    def test_none_is_missing(self):
+        commands = {path.stem for path in (SOURCE / "experiments/studies").glob("*.toml")
+                    if "command" in tomllib.loads(path.read_text())}
+        self.assertEqual({folder.name for folder in STUDIES}, commands)
+
+    def test_slopes_and_floors_are_of_the_rows(self):
+        folder = PUBLISHED / "error_vs_n"
+        rows, points = table(folder / "rows.csv"), table(folder / "error_vs_n.csv")
+        slopes = [p for p in points if p["metric"] == "slope"]
+        self.assertGreaterEqual(len(slopes), 8)
+        for line in slopes:
+            of = [p for p in points if p["metric"] == "nrmse"
+                  and all(p[k] == line[k] for k in ("scene", "layout"))]
+            found = statistics.linear_regression([math.log(float(p["stored"])) for p in of],
+                                                 [math.log(float(p["value"])) for p in of]).slope
+            self.assertAlmostEqual(float(line["value"]), found, places=6)
+        for point in random.Random(2).sample([p for p in points if p["floor"]], 20):
+            self.assertAlmostEqual(float(point["floor"]), floor_of(rows, point), places=8)
+
+    def test_fronts_are_what_nothing_beats(self):
+        points = [p for p in table(PUBLISHED / "speed_error/speed_error.csv")
+                  if p["metric"] == "nrmse"]
+        for scene in {p["scene"] for p in points}:
+            of = [p for p in points if p["scene"] == scene]
+            for cost in ("frame_ms", "work_rays"):
+                places = [(float(p[cost]), float(p["value"])) for p in of]
+                front = [not any(a <= x and b <= y and (a, b) != (x, y) for a, b in places) for x, y in places]
+                self.assertEqual([p["front_" + cost] == "1" for p in of], front)
 
     def test_tuned_and_untuned_errors_are_of_the_rows(self):
         folder = PUBLISHED / "layout_tuning"
