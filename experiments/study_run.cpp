@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
+#include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -13,10 +14,12 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <thread>
+#include <utility>
 
 #include "base/error.h"
 #include "base/files.h"
@@ -43,10 +46,29 @@ std::string ownProgram() {
   return program.string();
 }
 
+// Of an open file.
+class Descriptor {
+ public:
+  explicit Descriptor(int file) : file_(file) {}
+  Descriptor(Descriptor&& other) noexcept : file_(std::exchange(other.file_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(file_, other.file_);
+    return *this;
+  }
+  ~Descriptor() {
+    if (file_ >= 0) close(file_);
+  }
+  int get() const { return file_; }
+
+ private:
+  int file_;
+};
+
 struct Child {
   pid_t pid = -1;
   const StudyCell* cell = nullptr;
   fs::path output, log;
+  Descriptor locked;  // the log: whoever runs a cell holds its lock
   Timer timer;
 };
 
@@ -78,19 +100,34 @@ std::vector<std::string> childArguments(const StudyCell& cell, const StudyRun& r
   _exit(127);
 }
 
-int openForWriting(const fs::path& path) {
-  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+Descriptor openForWriting(const fs::path& path, int more_flags) {
+  const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | more_flags, 0644);
   if (file < 0)
     throw Error(fmt::format("{}: cannot be written: {}", path.string(), std::strerror(errno)));
-  return file;
+  return Descriptor(file);
 }
 
-Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& program,
-                const CommonOptions& common) {
-  Child child;
-  child.cell = &cell;
-  child.output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, processTag());
-  child.log = run.folder / "logs" / (cell.id + ".txt");
+fs::path logFile(const StudyRun& run, const StudyCell& cell) {
+  return run.folder / "logs" / (cell.id + ".txt");
+}
+
+// The log of a cell with its lock, which the cell's process shares and which ends with both;
+// nothing while another run has it. Where the file system knows no locks, both run the cell.
+std::optional<Descriptor> lockLog(const fs::path& path) {
+  Descriptor log = openForWriting(path, 0);
+  if (flock(log.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return std::nullopt;
+  return log;
+}
+
+Child startCell(const StudyCell& cell, const StudyRun& run, Descriptor log,
+                const std::string& program, const CommonOptions& common) {
+  Child child{.cell = &cell,
+              .output = run.folder / "cells" / fmt::format(".{}.{}.out", cell.id, processTag()),
+              .log = logFile(run, cell),
+              .locked = std::move(log),
+              .timer = {}};
+  if (ftruncate(child.locked.get(), 0) != 0)
+    throw Error(fmt::format("{}: cannot be emptied: {}", child.log.string(), std::strerror(errno)));
   const fs::path files = run.folder / "files" / cell.id;
   std::set<fs::path> folders;
   for (const fs::path& output : cellOutputs(cell, false))
@@ -105,12 +142,10 @@ Child startCell(const StudyCell& cell, const StudyRun& run, const std::string& p
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
-  const int output = openForWriting(child.output), log = openForWriting(child.log);
+  const Descriptor output = openForWriting(child.output, O_TRUNC);
   const pid_t parent = getpid();
   child.pid = fork();
-  if (child.pid == 0) becomeCell(argv.data(), output, log, parent);
-  close(output);
-  close(log);
+  if (child.pid == 0) becomeCell(argv.data(), output.get(), child.locked.get(), parent);
   if (child.pid < 0)
     throw Error(fmt::format("no process can be started: {}", std::strerror(errno)));
   return child;
@@ -180,12 +215,16 @@ class CellRunner {
       }
     planWork(missing);
     Progress progress(study_.name, total_, invocation_.common.quiet);
-    std::size_t next = 0;
+    std::deque<const StudyCell*> waiting(missing.begin(), missing.end());
     try {
-      while (next < missing.size() || !children_.empty()) {
+      while (!waiting.empty() || !children_.empty()) {
         throwIfInterrupted();
-        while (next < missing.size() && static_cast<int>(children_.size()) < run_.jobs)
-          start(*missing[next++]);
+        // Those that another run has in hand go to the end; a round of them is enough at once.
+        for (std::size_t i = waiting.size(); i > 0 && hasRoom(); --i) {
+          const StudyCell* cell = waiting.front();
+          waiting.pop_front();
+          if (!start(*cell)) waiting.push_back(cell);
+        }
         if (!reap()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
         progress.update(finished_);
       }
@@ -199,14 +238,20 @@ class CellRunner {
   }
 
  private:
-  // Another process may have finished it meanwhile.
-  void start(const StudyCell& cell) {
-    if (!readCell(run_, cell)) {
-      children_.push_back(startCell(cell, run_, program_, invocation_.common));
-      return;
+  bool hasRoom() const { return static_cast<int>(children_.size()) < run_.jobs; }
+
+  // False while another process has it in hand, which may also have finished it meanwhile.
+  bool start(const StudyCell& cell) {
+    std::optional<Descriptor> log = lockLog(logFile(run_, cell));
+    if (!log) return false;
+    if (readCell(run_, cell)) {
+      ++outcome_.found;
+      finished_ += seconds_[&cell];
+    } else {
+      children_.push_back(
+          startCell(cell, run_, std::move(*log), program_, invocation_.common));
     }
-    ++outcome_.found;
-    finished_ += seconds_[&cell];
+    return true;
   }
 
   void planWork(const std::vector<const StudyCell*>& missing) {

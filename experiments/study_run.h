@@ -41,7 +41,8 @@ std::optional<Json> readCell(const StudyRun& run, const StudyCell& cell);
 double estimateSeconds(const Study& study, const StudyCell& cell,
                        const std::vector<std::optional<Json>>& results);
 
-// Runs what is missing of the cells, the first ones first. Failing cells are noted and the rest
+// Runs what is missing of the cells, the first ones first; what another run of the study has in
+// hand is left to it, and waited for. Failing cells are noted and the rest
 // goes on; a signal ends the running ones and throws Interrupted.
 StudyOutcome runCells(const Study& study, const std::vector<const StudyCell*>& cells,
                       const StudyRun& run, const Invocation& invocation);

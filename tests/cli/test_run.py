@@ -163,8 +163,8 @@ class RunTest(CliTest):
 
     def start(self, folder):
         return subprocess.Popen([PROGRAM, "run", "study.toml", "--cache", "cache", "--results",
-                                 folder, "--jobs", "2", "--quiet"], cwd=self.folder,
-                                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                                 folder, "--jobs", "2", "--quiet", "--json"], cwd=self.folder,
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def wait_for_cells(self, folder, count, process):
         cells = self.folder / folder / "cells"
@@ -192,6 +192,19 @@ class RunTest(CliTest):
             path.unlink()
         self.assertEqual(self.cells("killed"), self.cells("whole"))
         self.assertEqual(len(self.cells("whole")), 16)
+
+    def test_two_at_once_share_the_work(self):
+        both = [self.start("shared") for _ in range(2)]
+        told = []
+        for process in both:
+            text, error = process.communicate()
+            self.assertEqual(process.returncode, 0, error)
+            told.append(json.loads(text))
+        self.assertEqual(len(self.cells("shared")), 16)
+        self.assertEqual(sum(t["done"] for t in told), 16)
+        for t in told:
+            self.assertEqual(t["done"] + t["found"], 16)
+            self.assertGreater(t["done"], 0)
 
     def test_an_interrupt_ends_it_and_leaves_nothing_half_done(self):
         process = self.start("out")
