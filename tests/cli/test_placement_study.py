@@ -189,5 +189,42 @@ class Report(unittest.TestCase):
         self.assertAlmostEqual(placement_report.slope(points), -0.5)
 
 
+DRAW = """
+import json, pathlib, sys
+sys.path.insert(0, sys.argv[1])
+from matplotlib.figure import Figure
+import placement_figure
+save = Figure.savefig
+def save_and_tell(figure, path, **options):
+    save(figure, path, **options)
+    print(path.name, *(len(panel.lines) for panel in figure.axes),
+          *(text.get_text() for text in figure.legends[0].get_texts()))
+Figure.savefig = save_and_tell
+print(placement_figure.write_figure(json.loads(sys.argv[2]), json.loads(sys.argv[3]),
+                                    pathlib.Path(sys.argv[4])))
+"""
+
+
+class Curves(CliTest):
+    """By the distribution's Python, which has matplotlib."""
+
+    def draw(self, budgets):
+        study = {**Report.STUDY, "curves": {"layouts": ["a", "ours"]}}
+        rows = [row(name, [1 / n, 2 / n], lights=lights, probes=n)
+                for name in ("a", "ours") for n in budgets for lights in ("same", "heldout")]
+        done = subprocess.run(["/usr/bin/python3", "-B", "-c", DRAW, SOURCE / "scripts",
+                               json.dumps(study), json.dumps(rows), self.folder],
+                              capture_output=True, text=True)
+        return done.stdout.splitlines(), done.stderr
+
+    def test_a_panel_a_scene_and_kind_of_light(self):
+        told, error = self.draw((64, 256, 1024))
+        self.assertEqual(told, [f"curves.{e} 2 2 a ours" for e in ("pdf", "png")] + ["[]"], error)
+
+    def test_two_budgets_are_no_curve(self):
+        self.assertEqual(self.draw((64, 256))[0], ["[]"])
+        self.assertEqual(self.files(), [])
+
+
 if __name__ == "__main__":
     unittest.main()
