@@ -145,6 +145,7 @@ void runRender(const RenderOptions& options, const Invocation& invocation) {
                       {"memory",
                        fmt::format("{} bytes of texels a probe", atlasBytesPerProbe(setup.params))},
                       {"parameters", setup.params.name},
+                      {"visibility", options.traced_visibility ? "traced" : "of the parameters"},
                       {"updates", fmt::format("{}{}", run.updates,
                                               run.stopped_early ? ", stopped early" : "")}}));
     if (setup.proxy)

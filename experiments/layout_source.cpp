@@ -12,6 +12,7 @@
 #include "base/files.h"
 #include "base/hash.h"
 #include "ddgi/layout_file.h"
+#include "input_identity.h"
 #include "placement/strategy.h"
 #include "placement/training.h"
 
@@ -48,7 +49,7 @@ fs::path cachePath(const std::string& folder, const Scene& scene, const Strategy
   for (const StrategyOption& option : strategy.options)
     if (const std::string& value = input.options.at(option.name);
         option.range == "FILE" && !value.empty())
-      key["files"][option.name] = contentHash(readFile(value));
+      key["files"][option.name] = inputIdentity(value);
   return fs::path(folder) / ("layout-" + contentHash(key.dump()) + ".json");
 }
 

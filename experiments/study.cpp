@@ -13,6 +13,7 @@
 #include "base/files.h"
 #include "base/hash.h"
 #include "base/suggest.h"
+#include "input_identity.h"
 #include "scene/load.h"
 #include "study_plan.h"
 
@@ -199,7 +200,7 @@ class Expansion {
     const fs::path beside = folder_ / name;
     if (!isFile(beside)) return name;
     name = beside.lexically_normal().string();
-    return contentHash(readFile(beside));
+    return inputIdentity(beside);
   }
 
   const StudyPlan& plan_;

@@ -32,6 +32,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr uintmax_t kSpaceForLog = 4096;  // bytes
+
 void makeFolder(const fs::path& folder) {
   std::error_code ec;
   fs::create_directories(folder, ec);
@@ -114,7 +116,7 @@ fs::path logFile(const StudyRun& run, const StudyCell& cell) {
 // The log of a cell with its lock, which the cell's process shares and which ends with both;
 // nothing while another run has it. Where the file system knows no locks, both run the cell.
 std::optional<Descriptor> lockLog(const fs::path& path) {
-  Descriptor log = openForWriting(path, 0);
+  Descriptor log = openForWriting(path, O_NONBLOCK);  // a pipe in its place must not hold us up
   if (flock(log.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return std::nullopt;
   return log;
 }
@@ -162,7 +164,11 @@ std::string failureOf(const Child& child, int status) {
   const std::string said = lastLine(child.log);
   if (WIFSIGNALED(status))
     return fmt::format("ended by signal {} ({})", WTERMSIG(status), strsignal(WTERMSIG(status)));
-  return said.empty() ? fmt::format("exit code {}", WEXITSTATUS(status)) : said;
+  if (!said.empty()) return said;
+  std::error_code ec;
+  const bool full = fs::space(child.log.parent_path(), ec).available < kSpaceForLog;
+  return fmt::format("exit code {}{}", WEXITSTATUS(status),
+                     !ec && full ? ", and no space is left to say why" : "");
 }
 
 Json describeCell(const Study& study, const StudyCell& cell, double seconds) {
@@ -202,7 +208,7 @@ class CellRunner {
     const Timer timer;
     makeFolder(run_.folder / "cells");
     makeFolder(run_.folder / "logs");
-    checkWritable(run_.folder / "cells" / "x");
+    for (const char* part : {"cells", "logs"}) checkWritable(run_.folder / part / "x");
     removeLeftOvers(run_.folder / "cells");
     removeLeftOvers(invocation_.common.cache);
     std::vector<const StudyCell*> missing;
@@ -225,6 +231,7 @@ class CellRunner {
           waiting.pop_front();
           if (!start(*cell)) waiting.push_back(cell);
         }
+        if (children_.empty()) tellWaiting(waiting.size());
         if (!reap()) std::this_thread::sleep_for(std::chrono::milliseconds(20));
         progress.update(finished_);
       }
@@ -238,11 +245,24 @@ class CellRunner {
   }
 
  private:
+  void tellWaiting(std::size_t cells) {
+    if (cells == 0 || told_waiting_) return;
+    note(invocation_, "waiting for {} cell{} that another run has in hand", cells,
+         cells == 1 ? "" : "s");
+    told_waiting_ = true;
+  }
+
   bool hasRoom() const { return static_cast<int>(children_.size()) < run_.jobs; }
 
   // False while another process has it in hand, which may also have finished it meanwhile.
   bool start(const StudyCell& cell) {
-    std::optional<Descriptor> log = lockLog(logFile(run_, cell));
+    std::optional<Descriptor> log;
+    try {
+      log = lockLog(logFile(run_, cell));
+    } catch (const Error& error) {
+      fail(cell, error.what());
+      return true;
+    }
     if (!log) return false;
     if (readCell(run_, cell)) {
       ++outcome_.found;
@@ -288,14 +308,19 @@ class CellRunner {
       throw;
     }
     removeOutput(child);
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 130) throw Interrupted();
-    finished_ += seconds_[child.cell];
+    throwIfInterrupted();  // a signal to all of us, and no failure
     if (error.empty()) {
+      finished_ += seconds_[child.cell];
       ++outcome_.done;
-      return;
+    } else {
+      fail(*child.cell, error);
     }
-    outcome_.failures.push_back({child.cell, error});
-    note(invocation_, "failed: {} ({}): {}", child.cell->id, axesText(*child.cell), error);
+  }
+
+  void fail(const StudyCell& cell, const std::string& error) {
+    finished_ += seconds_[&cell];
+    outcome_.failures.push_back({&cell, error});
+    note(invocation_, "failed: {} ({}): {}", cell.id, axesText(cell), error);
   }
 
   static void removeOutput(const Child& child) {
@@ -319,6 +344,7 @@ class CellRunner {
   std::vector<Child> children_;
   std::map<const StudyCell*, double> seconds_;
   double total_ = 0, finished_ = 0;
+  bool told_waiting_ = false;
   StudyOutcome outcome_;
 };
 

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the drawings of figures share: sheets of panels with a legend below them, axes, points with
 intervals. Needs matplotlib."""
+import io
 import math
 import pathlib
+
+from whole_output import naming
 
 COLUMN, PAGE = 3.4, 7.0  # widths of paper columns, in
 MARKERS = "osD^vPX*"
@@ -19,10 +22,15 @@ def load_pyplot():
 
 
 def save(figure, folder, stem):
-    """Writes a figure as PDF and PNG and closes it; returns the names of both."""
+    """Writes a figure as PDF and PNG and closes it; returns the names of both. It is drawn in
+    memory, so that a full disk is nothing that matplotlib has to deal with."""
     from matplotlib import pyplot
-    figure.savefig(folder / f"{stem}.pdf", metadata={"CreationDate": None})
-    figure.savefig(folder / f"{stem}.png")
+    for ending, options in (("pdf", {"metadata": {"CreationDate": None}}), ("png", {})):
+        drawn = io.BytesIO()
+        figure.savefig(drawn, format=ending, **options)
+        path = folder / f"{stem}.{ending}"
+        with naming(path):
+            path.write_bytes(drawn.getvalue())
     pyplot.close(figure)
     return [f"{stem}.pdf", f"{stem}.png"]
 
@@ -73,7 +81,7 @@ class Sheet:
 def crowded(labels, width):
     """Whether labels of a panel `width` inches wide would touch when written side by side."""
     longest = max(len(line) for label in labels for line in label.split("\n"))
-    return 0.072 * longest > 0.9 * width / len(labels)
+    return 0.072 * longest > 0.8 * width / len(labels)
 
 
 def name_places(panel, labels, width):

@@ -4,7 +4,7 @@ import math
 
 from placement_report import LIGHTS, Tables
 from placement_rows import bootstrap_sums, percentiles
-from whole_output import no_matplotlib
+from whole_output import no_matplotlib, whole_folder
 
 
 def curve_interval(results, key, seeds):
@@ -69,5 +69,6 @@ def write_figure(study, rows, folder):
     for panel in sheet.panels[-1]:
         panel.set_xlabel("probes")
     sheet.legend(handles, names)
-    save(sheet.figure, folder, "curves")
+    with whole_folder(folder) as part:
+        save(sheet.figure, part, "curves")
     return []

@@ -12,7 +12,8 @@ import sys
 from figures_panels import (COLUMN, MARKERS, PAGE, Sheet, colour, load_pyplot, name_places, pretty,
                             ratio_axis, room_for_places, save)
 from figures_tables import LEAST_LEAK
-from whole_output import InputError, first_paragraph, no_matplotlib, of_system, read_object
+from whole_output import (InputError, first_paragraph, no_matplotlib, of_system, read_object,
+                          whole_folder)
 
 MAPS = {"cost": "cost", "nrmse": "nrmse", "light_leak": "light leak"}
 SEARCHES = {"levenberg_marquardt": "Levenberg-Marquardt from the preset",
@@ -85,7 +86,8 @@ def draw_map(pyplot, result, folder):
         panel.set_ylim(min(view), max(view))
         panel.grid(False)
     sheet.panels[0][0].set_ylabel("view bias, x probe spacing")
-    sheet.figure.suptitle(", ".join(pretty(s["scene"]) for s in result["scenes"]), fontsize=8)
+    names = [pretty(s["scene"].removesuffix("/scene")) for s in result["scenes"]]
+    sheet.figure.suptitle(", ".join(names), fontsize=8)
     sheet.legend(handles, [h.get_label() for h in handles])
     return sheet.figure
 
@@ -102,8 +104,8 @@ def draw_searches(pyplot, result):
                             linewidth=1.8 if name == "levenberg_marquardt" else 1.1)
     panel.set_xscale("log")
     panel.set_yscale("log")
-    panel.set_xlabel("evaluations of the cost (with derivatives: 1 + parameters)")
-    panel.set_ylabel("cost over the least found, minus 1 (+ 0.0001)")
+    panel.set_xlabel("evaluations (with derivatives: 1 + parameters)")
+    panel.set_ylabel("cost over the least, minus 1\n(+ 0.0001)")
     sheet.legend(lines, [*SEARCHES.values()])
     return sheet.figure
 
@@ -156,17 +158,19 @@ def draw(folder, target):
     """The names of the files; raises InputError."""
     pyplot = load_pyplot()
     path = folder / "tune.json"
-    result, drawn = read_object(path), []
+    result, figures = read_object(path), {}
     try:
         if result.get("bias_map"):
-            drawn += save(draw_map(pyplot, result, folder), target, "bias_map")
+            figures["bias_map"] = draw_map(pyplot, result, folder)
         if result.get("searches"):
-            drawn += save(draw_searches(pyplot, result), target, "searches")
+            figures["searches"] = draw_searches(pyplot, result)
         if result["scores"]:
-            drawn += save(draw_errors(pyplot, result), target, "errors")
+            figures["errors"] = draw_errors(pyplot, result)
     except DAMAGE as error:
         raise InputError(f"{path}: not the result of 'probelab tune --report', a part is missing "
                          f"or damaged ({type(error).__name__}: {error}); run it again") from error
+    with whole_folder(target) as part:
+        drawn = [name for stem, figure in figures.items() for name in save(figure, part, stem)]
     return drawn
 
 

@@ -81,17 +81,21 @@ class Pictures:
         return object_of(done.stdout, f"{self.options.program} {arguments[0]}")
 
     def kept(self, path, *arguments):
-        """Runs what writes `path`, unless the same was done before."""
+        """Runs what writes `path` and its PNG, unless the same was done before. Returns the device
+        that it was done on."""
         note = path.with_suffix(".json")
         what = {"version": self.version, "arguments": [str(a) for a in arguments],
-                "scene": hash_of(ROOT / arguments[1])}
+                "scene": hash_of(ROOT / arguments[1]), "asked_device": self.options.device}
         try:
-            if path.exists() and json.loads(note.read_text()) == what:
-                return
-        except (OSError, ValueError):
+            known = json.loads(note.read_text())
+            if path.exists() and path.with_suffix(".png").exists() and (
+                    {k: known[k] for k in what} == what):
+                return known["device"]
+        except (KeyError, OSError, TypeError, ValueError):
             pass
-        self.run(*arguments, "-o", path)
-        note.write_text(json.dumps(what) + "\n")
+        device = self.run(*arguments, "-o", path)["provenance"].get("device")
+        note.write_text(json.dumps({**what, "device": device}) + "\n")
+        return device
 
     def view(self, scene, camera, exposure):
         name, options = scene_name(scene), self.study["options"]
@@ -104,9 +108,9 @@ class Pictures:
         images, names = [], terms(self.study)
         for term, more in names:
             images.append(folder / f"{term}.exr")
-            self.kept(images[-1], "render", *look, "--spp", render_spp, "--params",
-                      options["params"], "--probes", self.options.probes, "--rays",
-                      options["rays"], "--updates", options["updates"], *more)
+            device = self.kept(images[-1], "render", *look, "--spp", render_spp, "--params",
+                               options["params"], "--probes", self.options.probes, "--rays",
+                               options["rays"], "--updates", options["updates"], *more)
         last = last_of(names)
         self.run("compare", folder / f"{last}.exr", folder / "reference.exr", "-o",
                  folder / "error.png")
@@ -120,7 +124,7 @@ class Pictures:
                    f"their moments, for the camera alone); last where '{last}' is too bright (red) "
                    f"or too dark (blue). At most {self.options.probes} probes, preset "
                    f"{options['params']}, {options['rays']} rays, {options['updates']} updates, "
-                   f"seed 1, version {self.version}.\n")
+                   f"seed 1, device: {device}, version {self.version}.\n")
         target.with_suffix(".txt").write_text(caption)
         print(target)
 

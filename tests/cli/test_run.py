@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """run: studies as cells with identity by content, resumable, and what happens when cells fail."""
 import csv
+import fcntl
 import json
 import os
 import pathlib
 import signal
+import struct
 import subprocess
 import time
 
@@ -206,6 +208,52 @@ class RunTest(CliTest):
             self.assertEqual(t["done"] + t["found"], 16)
             self.assertGreater(t["done"], 0)
 
+    def smoke(self):
+        return subprocess.Popen([PROGRAM, "run", "study.toml", "--size", "smoke", "--cache", "cache",
+                                 "--results", "out", "--jobs", "2"], cwd=self.folder, stdout=subprocess.DEVNULL,
+                                stderr=subprocess.PIPE, text=True)
+
+    def test_what_another_run_has_in_hand_is_waited_for_and_that_is_said(self):
+        (self.folder / "out/logs").mkdir(parents=True)
+        held = self.ids("--size", "smoke")[0]
+        with open(self.folder / "out/logs" / f"{held}.txt", "w") as log:
+            fcntl.flock(log, fcntl.LOCK_EX)
+            process = self.smoke()
+            said = ""
+            while "waiting" not in said and process.poll() is None:
+                said += process.stderr.read(1)
+            self.assertEqual([c for c in self.cells() if c == held], [])
+        _, rest = process.communicate()
+        self.assertEqual(process.returncode, 0, said + rest)
+        self.assertIn("for 1 cell that another run has in hand", rest)
+        self.assertEqual(len(self.cells()), 2)
+
+    def test_a_log_that_cannot_be_written_fails_its_cell_alone(self):
+        first, second = self.ids("--size", "smoke")
+        (self.folder / "out/logs" / f"{first}.txt").mkdir(parents=True)
+        _, error = self.smoke().communicate()
+        self.assertIn(f"failed: {first}", error)
+        self.assertIn(f"{first}.txt: cannot be written: Is a directory", error)
+        self.assertEqual(list(self.cells()), [second])
+
+    def test_a_signal_to_one_cell_is_its_failure_alone(self):
+        self.write(STUDY.replace("count = 32", "count = 20000").replace("spp = 16", "spp = 2000"))
+        process = self.smoke()
+        children = pathlib.Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        while len(found := children.read_text().split()) < 2:
+            self.assertIsNone(process.poll())
+            time.sleep(0.01)
+        time.sleep(1)  # until it handles signals
+        os.kill(int(found[0]), signal.SIGTERM)
+        said = ""
+        while "failed: " not in said and process.poll() is None:
+            said = process.stderr.readline()
+        self.assertIn("interrupted", said)
+        self.assertIsNone(process.poll())  # the other one goes on
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+        self.assertEqual(process.returncode, 130)
+
     def test_an_interrupt_ends_it_and_leaves_nothing_half_done(self):
         process = self.start("out")
         self.wait_for_cells("out", 1, process)
@@ -353,6 +401,28 @@ class RunTest(CliTest):
         self.assertEqual(self.run_json(*words)["found"], 2)
         points.write_text("0,1,0,0,1,0\n")
         self.assertEqual(self.run_json(*words)["done"], 2)
+
+    def test_buffers_beside_a_gltf_of_probes_count(self):
+        buffer = self.folder / "p.bin"
+        accessor = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3",
+                    "min": [0, 1, 0], "max": [0, 1, 0]}
+        (self.folder / "p.gltf").write_text(json.dumps({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}], "accessors": [accessor],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 0}]}],
+            "bufferViews": [{"buffer": 0, "byteLength": 12}],
+            "buffers": [{"uri": "p.bin", "byteLength": 12}]}))
+        self.write(STUDY.replace(JITTERED, 'options = { strategy = "file", option = ["path=p.gltf"] }'))
+        layouts = []
+        for height in (1.0, 1.5):
+            buffer.write_bytes(struct.pack("<3f", 0, height, 0))
+            self.assertGreater(self.study("--size", "smoke")["done"], 0)
+            self.run_ok("place", "room.toml", "--strategy", "file", "--option", "path=p.gltf",
+                        "--probes", "1", "-o", f"{height}.json", "--cache", "cache")
+            layouts.append(json.loads((self.folder / f"{height}.json").read_text())["probes"])
+        self.assertNotEqual(*layouts)
+        axes = [c["cell"]["axes"]["layout"] for c in self.cells().values()]
+        self.assertEqual(sorted(axes), ["grid", "jittered", "jittered"])
 
     def test_every_input_of_a_list_counts_by_content(self):
         self.write("""about = "two files"

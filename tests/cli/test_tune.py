@@ -297,25 +297,28 @@ class Refusals(TuneTest):
         self.assertEqual([f for f in self.files() if "t.toml" in f], [])
 
 
-# Draws a report; says which legends are cut or lie on a panel.
+# Draws a report; says which texts are cut and which legends lie on a panel.
 DRAW_AND_CHECK = """
 import pathlib, sys
 sys.path.insert(0, sys.argv[1])
-import matplotlib
-matplotlib.use("Agg")
-from matplotlib import pyplot
+import figures_panels
+figures_panels.load_pyplot()
 import tuning_figure
-save = pyplot.Figure.savefig
-def save_and_check(figure, path, **options):
-    save(figure, path, **options)
-    for legend in figure.legends:
-        box = legend.get_window_extent()
-        if box.x0 < 0 or box.x1 > figure.bbox.x1 or box.y0 < 0:
-            print(path.name, "cuts its legend")
-        if any(box.overlaps(panel.get_tightbbox()) for panel in figure.axes):
-            print(path.name, "has its legend on a panel")
-        print(path.name, *(text.get_text() for text in legend.get_texts()))
-pyplot.Figure.savefig = save_and_check
+save = tuning_figure.save
+def save_and_check(figure, folder, stem):
+    figure.canvas.draw()
+    legend = figure.legends[0]
+    for text in [*legend.get_texts(), *(t for panel in figure.axes for t in (
+            panel.title, panel.xaxis.label, panel.yaxis.label))]:
+        box = text.get_window_extent()
+        if text.get_text() and not (0 <= box.x0 and box.x1 <= figure.bbox.x1 and 0 <= box.y0
+                                    and box.y1 <= figure.bbox.y1):
+            print(stem, "cuts", text.get_text())
+    if any(legend.get_window_extent().overlaps(panel.get_tightbbox()) for panel in figure.axes):
+        print(stem, "has its legend on a panel")
+    print(stem, *(text.get_text() for text in legend.get_texts()))
+    return save(figure, folder, stem)
+tuning_figure.save = save_and_check
 print(*tuning_figure.draw(pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[2])))
 """
 PRESETS = ("rtxgi", "majercik2021", "gdc2019", "classic", "/home/me/corn.toml")
@@ -330,6 +333,8 @@ def report(presets=PRESETS):
               for i, name in enumerate(("from", "tuned", *presets))]
     return {"from": "probelab rays=16", "scenes": [{"scene": "room/scene"}],
             "bias_map": {"size": 2, "places": places},
+            "searches": {name: [[1, 2.0], [30, 1.0 + i]] for i, name in enumerate(
+                ("levenberg_marquardt", "multi_start", "nelder_mead", "random"))},
             "scores": [{"scene": "room/scene", "state": state, "lights": "train",
                         "settings": settings} for state in ("day", "dusk", "night")]}
 
@@ -352,10 +357,12 @@ class Figure(CliTest):
                                    self.folder], capture_output=True, text=True, timeout=300)
             names = [n if n in twins[:2] else n.split("/")[-1] for n in presets]
             self.assertEqual(done.stdout.splitlines(), [
-                *(" ".join((f"bias_map.{e} probelab tuned", *names)) for e in ("pdf", "png")),
-                *(" ".join((f"errors.{e} probelab (from) tuned", *names, "noise floor"))
-                  for e in ("pdf", "png")),
-                "bias_map.pdf bias_map.png errors.pdf errors.png"], done.stderr)
+                " ".join(("bias_map probelab tuned", *names)),
+                "searches Levenberg-Marquardt from the preset Levenberg-Marquardt, multi-start "
+                "Nelder-Mead from the preset random search",
+                " ".join(("errors probelab (from) tuned", *names, "noise floor")),
+                "bias_map.pdf bias_map.png searches.pdf searches.png errors.pdf errors.png"],
+                done.stderr)
 
     def refused(self, *options, words=()):
         done = subprocess.run([self.PYTHON, "-B", SOURCE / "scripts/tuning_figure.py", self.folder,
