@@ -3,11 +3,11 @@
 
 #include <cstdint>
 #include <cstring>
+#include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "base/files.h"
 #include "base/hash.h"
-#include "json.h"
 
 namespace probelab {
 namespace {
@@ -26,9 +26,9 @@ std::string inputIdentity(const std::filesystem::path& path) {
   const std::string bytes = readTextFile(path);
   std::string identity = contentHash(bytes);
   if (path.extension() != ".gltf" && path.extension() != ".glb") return identity;
-  const Json root = Json::parse(jsonPart(bytes), nullptr, false);
+  const nlohmann::json root = nlohmann::json::parse(jsonPart(bytes), nullptr, false);
   if (!root.is_object() || !root.contains("buffers")) return identity;
-  for (const Json& buffer : root["buffers"]) {
+  for (const nlohmann::json& buffer : root["buffers"]) {
     const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
     if (uri == buffer.end() || !uri->is_string()) continue;
     const std::filesystem::path name(uri->get<std::string>());
