@@ -23,26 +23,24 @@ FLOOR = {"nrmse": 0.01, "light_leak": 1e-4, "shadow_leak": 1e-4, "bias": 0.001}
 DRAW_AND_CHECK = """
 import pathlib, sys
 sys.path.insert(0, sys.argv[1])
-import figures, figures_cells, figures_tables
-from figures_panels import load_pyplot
-pyplot = load_pyplot()
-save = pyplot.Figure.savefig
-def save_and_check(figure, path, **options):
-    save(figure, path, **options)
-    if path.suffix != ".png":
-        return
-    image = pyplot.imread(path)[..., :3]
+import figures, figures_cells, figures_panels, figures_tables
+pyplot = figures_panels.load_pyplot()
+save = figures_panels.save
+def save_and_check(figure, folder, stem):
+    names = save(figure, folder, stem)
+    image = pyplot.imread(folder / f"{stem}.png")[..., :3]
     for edge in (image[0], image[-1], image[:, 0], image[:, -1]):
         if edge.min() < 1:
-            print(path.name, "is cut")
+            print(stem, "is cut")
     for legend in figure.legends:
         box = legend.get_window_extent()
         if any(box.overlaps(panel.get_window_extent()) for panel in figure.axes):
-            print(path.name, "has its legend on a panel")
+            print(stem, "has its legend on a panel")
     for text in figure.findobj(pyplot.Text):
         if text.get_fontsize() < 7:
-            print(path.name, "has small text:", text.get_text())
-pyplot.Figure.savefig = save_and_check
+            print(stem, "has small text:", text.get_text())
+    return names
+figures_panels.save = save_and_check
 *folders, out = map(pathlib.Path, sys.argv[2:])
 for folder in folders:
     for study in figures_cells.load_folder(folder)[0]:
