@@ -93,7 +93,8 @@ std::vector<CornerWeight> nearestFrom(const NearestProbes& probes, const std::ve
   for (const Vec3f& place : from) {
     visibleProbes(probes, positions, space, place, k + 1, settings.visibility, visible);
     sets.push_back(settings.sharpness > 0
-                       ? maxentWeights(visible, k, positions, place, settings.sharpness)
+                       ? maxentWeights(visible, k, positions, place, settings.sharpness,
+                                       settings.cutoff)
                        : kernelWeights(visible, k));
   }
   return sets.size() == 1 ? sets[0] : meanWeights(sets);

@@ -7,8 +7,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/rng.h"
+#include "placement/distance.h"
 #include "placement/lattices.h"
 #include "placement/local_search.h"
 #include "placement/pool.h"
@@ -47,19 +49,24 @@ PlacementInput partOf(const PlacementInput& input, double from, double to) {
   return part;
 }
 
-// The best lattice there is, sparse or not; or a sparse one that nobody has scored. Its evaluations
-// are those of both lattices' searches, whether they ran now or before.
+// The best lattice there is, sparse or not, relocated or not; or a sparse one that nobody has
+// scored. Its evaluations are those of both lattices' searches, whether they ran now or before.
 ProbeLayout startLayout(const PlacementInput& input) {
   if (choiceOption(input, "start", {"best", "sparse"}) == 1) return bestSparseLattice(input, false);
-  ProbeLayout sparse = otherLayout(kGridSparseStrategy.name, partOf(input, 0, 0.15));
-  ProbeLayout full = otherLayout(kGridBestStrategy.name, partOf(input, 0.15, 0.3));
-  const uint64_t evaluations = sparse.evaluations + full.evaluations;
-  ProbeLayout& best =
-      input.training.score(full, input.params) < input.training.score(sparse, input.params)
-          ? full
-          : sparse;
-  best.evaluations = evaluations + 2;
-  return std::move(best);
+  const SceneDistance distance(*input.scene.geometry);
+  std::vector<ProbeLayout> candidates = {
+      otherLayout(kGridSparseStrategy.name, partOf(input, 0, 0.15)),
+      otherLayout(kGridBestStrategy.name, partOf(input, 0.15, 0.3))};
+  const uint64_t evaluations = candidates[0].evaluations + candidates[1].evaluations;
+  for (const std::size_t i : {0u, 1u}) candidates.push_back(relocatedLattice(input, distance, candidates[i]));
+  std::size_t best = 0;
+  double best_score = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    const double score = input.training.score(candidates[i], input.params);
+    if (score < best_score) best_score = score, best = i;
+  }
+  candidates[best].evaluations = evaluations + candidates.size();
+  return std::move(candidates[best]);
 }
 
 // What the search learns from: receivers and generated lights that nobody else has.

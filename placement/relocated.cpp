@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // `relocated`: a lattice whose probes move out of geometry and away from near walls, as [RTXGI]
 // does with rays while it runs; here by distances, before. Weights stay the lattice's.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -23,6 +25,7 @@ constexpr float kReach = 0.45f;  // of s_i: how far a probe may move ([RTXGI])
 constexpr int kSteps = 12, kExits = 64;
 // Clear of the surface that a probe came out of, of s_i.
 constexpr float kLeast = 0.01f;
+constexpr double kClearance = 0.1;  // of s_i, unless someone asks for another
 
 struct Mover {
   const PlacementInput& input;
@@ -184,12 +187,17 @@ ProbeLayout placeRelocated(const PlacementInput& input) {
 
 }  // namespace
 
+ProbeLayout relocatedLattice(const PlacementInput& input, const SceneDistance& distance,
+                             const ProbeLayout& base) {
+  return relocate(input, distance, kClearance, base);
+}
+
 const Strategy kRelocatedStrategy = {
     "relocated",
     "a lattice whose probes move out of geometry and away from near walls",
     {{"base", "grid", "grid | grid_best | grid_sparse",
       "the lattice that is moved; the latter two take what is best once moved"},
-     {"clearance", "0.1", "0 .. 0.45", "distance kept to surfaces, in smallest spacings s_i"},
+     {"clearance", fmt::format("{}", kClearance), "0 .. 0.45", "distance kept to surfaces, in smallest spacings s_i"},
      {"box", "free", "free | bounds", "what the lattice fills, with base=grid"},
      {"vertical", "1", "0.25 .. 8", "vertical spacing over the horizontal one, with base=grid"},
      {"offset", "0", "-1 .. 1", "moves the lattice along every axis, in spacings, with base=grid"}},

@@ -42,11 +42,13 @@ std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
       {"k", "0", "0 .. 64", "probes that count at a place; 0: 16 with maxent, 8 with knn"});
   own.push_back({"sharpness", "10", "0.01 .. 100",
                  "with maxent: of the kernel; low ones smooth, high ones tend to tetrahedra"});
+  own.push_back({"cutoff", "0.05", "0 .. 0.3",
+                 "with maxent: smaller shares are left out, and the others weighed anew"});
   own.push_back({"visibility", "on", "on | off", "only probes that a place sees count there"});
   own.push_back({"walls", "on", "on | off",
                  "voxels that a wall divides have weights of their own on either side, by what a "
                  "place sees: none with visibility=off"});
-  own.push_back({"cells", "2", "0.5 .. 8", "voxels of the query's index along one mean spacing"});
+  own.push_back({"cells", "3", "0.5 .. 8", "voxels of the query's index along one mean spacing"});
   return own;
 }
 
@@ -61,6 +63,7 @@ ScatteredWeights scatteredWeights(const FreeSpace& space, const std::vector<Vec3
   if (settings.k == 0) settings.k = interpolant == Interpolant::maxent ? 16 : 8;
   const double sharpness = numberOption(input, "sharpness", 0.01, 100);
   if (interpolant == Interpolant::maxent) settings.sharpness = sharpness;
+  settings.cutoff = numberOption(input, "cutoff", 0, 0.3);
   settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
   const double spacing_m = space.spacing(static_cast<int>(positions.size()));
   const Lattice& corners = result.corners = influenceCorners(

@@ -9,8 +9,7 @@ namespace probelab {
 namespace {
 
 constexpr std::size_t kMostTested = 256;
-constexpr float kMargin = 1e-4f;     // of the line, left out at the probe
-constexpr float kOnSurface = 2e-6f;  // of the scene's extent: a place as near as this lies on it
+constexpr float kMargin = 1e-4f;  // of the line, left out at the probe
 
 }  // namespace
 
@@ -61,8 +60,7 @@ std::vector<CornerWeight> kernelWeights(const std::vector<NearProbe>& visible, s
 
 std::vector<CornerWeight> maxentWeights(const std::vector<NearProbe>& visible, std::size_t k,
                                         const std::vector<Vec3f>& positions, const Vec3f& place,
-                                        double sharpness) {
-  constexpr float kLeast = 0.01f;  // of the largest
+                                        double sharpness, double cutoff) {
   std::vector<CornerWeight> weights;
   const std::size_t count = std::min(k, visible.size());
   if (count == 0) return weights;
@@ -77,9 +75,13 @@ std::vector<CornerWeight> maxentWeights(const std::vector<NearProbe>& visible, s
   }
   if (!(*std::ranges::max_element(priors) > 0)) return kernelWeights(visible, k);
   maxentShares(offsets, priors, shares);
-  const float largest = *std::ranges::max_element(shares);
+  const float least =
+      std::min(static_cast<float>(cutoff), 0.999f * *std::ranges::max_element(shares));
   for (std::size_t i = 0; i < count; ++i)
-    if (shares[i] > kLeast * largest) weights.push_back({visible[i].index, shares[i]});
+    if (!(shares[i] > least)) priors[i] = 0;
+  maxentShares(offsets, priors, shares);
+  for (std::size_t i = 0; i < count; ++i)
+    if (priors[i] > 0 && shares[i] > 0) weights.push_back({visible[i].index, shares[i]});
   return weights;
 }
 

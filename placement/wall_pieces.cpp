@@ -2,6 +2,7 @@
 #include "placement/wall_pieces.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <optional>
 
@@ -9,6 +10,7 @@
 #include "base/parallel.h"
 #include "base/rng.h"
 #include "trace/surface.h"
+#include "visible_probes.h"
 
 namespace probelab {
 namespace {
@@ -150,12 +152,23 @@ std::optional<Vec4f> separatingPlane(const Piece& front, const Piece& back, cons
   return std::nullopt;
 }
 
+// A place on a sheet would see both of its sides; others of its piece stand for it.
+void leaveSheet(Voxel& voxel, float extent_m, const Vec3f& origin) {
+  for (Piece& piece : voxel.pieces) {
+    const auto on_sheet = [&](const Vec3f& p) {
+      return std::abs(sideOf(*voxel.plane, p - origin)) < 2 * kOnSurface * extent_m;
+    };
+    if (!std::ranges::all_of(piece.places, on_sheet)) std::erase_if(piece.places, on_sheet);
+  }
+}
+
 Voxel lookAtVoxel(const Lattice& corners, const Vec3i& at, std::size_t index,
                   const FreeSpace& space) {
   Voxel voxel;
   voxel.pieces = seeingGroups(voxelSamples(corners, at, index), space);
   if (voxel.pieces.size() == 2)
     voxel.plane = separatingPlane(voxel.pieces[0], voxel.pieces[1], space, corners.first);
+  if (voxel.plane) leaveSheet(voxel, space.input().embree.extent(), corners.first);
   if (voxel.pieces.size() < 2 || voxel.plane) return voxel;
   Piece all;
   for (const Piece& piece : voxel.pieces)

@@ -25,6 +25,7 @@ struct CornerSettings {
   int k = 8;               // probes a corner
   bool visibility = true;  // only probes that the corner sees
   double sharpness = 0;  // above 0: maximum-entropy weights (placement/maxent.h), not the kernel's
+  double cutoff = 0.01;  // smaller shares are left out, with maximum entropy
 };
 
 // The places that stand for a corner: itself if it is usable, else the usable ones among the

@@ -14,6 +14,8 @@ extern const Strategy kGridSparseStrategy;
 extern const Strategy kRelocatedStrategy;
 #endif
 
+class SceneDistance;
+
 // What a lattice's layout becomes before it is scored and returned; empty: itself.
 using LayoutFinish = std::function<ProbeLayout(const ProbeLayout&)>;
 
@@ -25,6 +27,12 @@ ProbeLayout bestLattice(const PlacementInput& input, const LayoutFinish& finish 
 // at most N and as near to N as a search over its counts comes.
 Lattice sparseLattice(const PlacementInput& input, const LatticeBox& box, double vertical,
                       double offset = 0);
+
+#ifdef PROBELAB_WITH_CGAL
+// A lattice's layout with its probes moved as `relocated` moves them unless it is told otherwise.
+ProbeLayout relocatedLattice(const PlacementInput& input, const SceneDistance& distance,
+                             const ProbeLayout& base);
+#endif
 
 // The sparse lattice in the default box, or the best over boxes and cells by Training::score.
 ProbeLayout bestSparseLattice(const PlacementInput& input, bool sweep,

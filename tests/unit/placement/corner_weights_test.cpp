@@ -169,6 +169,37 @@ TEST(NearestWeights, KeepProbesAtEqualDistance) {
               static_cast<std::size_t>(k));
 }
 
+// Fewer probes, about the same centre: dropping the others alone would move it.
+TEST(NearestWeights, MaximumEntropyIsCentredWithFewProbesToo) {
+  Place place(emptySpace());
+  const PlacementInput input = place.input(60);
+  const FreeSpace space(input);
+  const std::vector<Vec3f> positions = randomPoints({{-1, -1, -1}, {1, 1, 1}}, 60, 3);
+  const NearestProbes probes(positions);
+  double all_count = 0, few_count = 0, all_off = 0, few_off = 0, dropped_off = 0;
+  for (const Vec3f& p : randomPoints({{-0.5f, -0.5f, -0.5f}, {0.5f, 0.5f, 0.5f}}, 200, 4)) {
+    const CornerSettings settings = {.k = 16, .sharpness = 10, .cutoff = 0};
+    CornerSettings cut = settings;
+    cut.cutoff = 0.05;
+    const auto all = nearestFrom(probes, positions, space, {p}, settings);
+    const auto few = nearestFrom(probes, positions, space, {p}, cut);
+    EXPECT_NEAR(weightSum(few), 1, 1e-5);
+    for (const CornerWeight& w : few) EXPECT_GT(w.weight, 0);
+    auto dropped = all;
+    std::erase_if(dropped, [](const CornerWeight& w) { return w.weight <= 0.05f; });
+    EXPECT_EQ(few.size(), dropped.size());
+    all_count += static_cast<double>(all.size()), few_count += static_cast<double>(few.size());
+    all_off += length(meanPosition(all, positions) - Vec3d(p));
+    few_off += length(meanPosition(few, positions) - Vec3d(p));
+    dropped_off += length(meanPosition(dropped, positions) - Vec3d(p));
+  }
+  EXPECT_LT(few_count, 0.6 * all_count);
+  EXPECT_LT(few_off - all_off, 0.6 * (dropped_off - all_off));
+  // A cutoff above every share leaves the largest.
+  CornerSettings one = {.k = 16, .sharpness = 10, .cutoff = 1};
+  EXPECT_EQ(nearestFrom(probes, positions, space, {Vec3f(0.1f)}, one).size(), 1u);
+}
+
 #ifdef PROBELAB_WITH_CGAL
 
 void expectPartition(const CornerWeights& weights, std::size_t probes) {

@@ -50,10 +50,11 @@ std::vector<Vec3f> somePlaces(const FreeSpace& space, int count) {
   return places;
 }
 
-ProbeLayout layoutOf(Place& place, const std::vector<Vec3f>& positions, const char* walls) {
-  const PlacementInput input =
-      place.input(static_cast<int>(positions.size()), 1,
-                  resolveOptions(findStrategy("poisson"), {std::string("walls=") + walls}));
+ProbeLayout layoutOf(Place& place, const std::vector<Vec3f>& positions, const std::string& walls,
+                     const std::string& cells = "3") {
+  const PlacementInput input = place.input(
+      static_cast<int>(positions.size()), 1,
+      resolveOptions(findStrategy("poisson"), {"walls=" + walls, "cells=" + cells}));
   return scatterProbes(FreeSpace(input), positions);
 }
 
@@ -79,10 +80,12 @@ class DividedVoxels : public ::testing::TestWithParam<std::tuple<float, float>> 
 // probes have half of the weight there.
 TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
   const auto [wall_m, share_of_voxel] = GetParam();
+  const std::string cells = wall_m > 0.1f ? "2" : "3";  // so that a voxel holds the whole wall
   const float middle = [&](float share) {
     Place anywhere(dividedRooms(wall_m, 0, false));
     const Lattice corners =
-        layoutOf(anywhere, somePlaces(FreeSpace(anywhere.input(40)), 40), "off").influence.corners;
+        layoutOf(anywhere, somePlaces(FreeSpace(anywhere.input(40)), 40), "off", cells)
+            .influence.corners;
     const float in_the_middle = std::floor(0.5f * static_cast<float>(corners.count.x));
     return corners.first.x + (in_the_middle + share) * corners.spacing.x;
   }(share_of_voxel);
@@ -91,7 +94,7 @@ TEST_P(DividedVoxels, ProbesBehindAWallHaveNoWeight) {
   const std::vector<Vec3f> positions = somePlaces(FreeSpace(input), 40);
   double behind[2] = {};  // largest share of the other room's probes
   for (const bool walls : {false, true}) {
-    const ProbeLayout layout = layoutOf(place, positions, walls ? "on" : "off");
+    const ProbeLayout layout = layoutOf(place, positions, walls ? "on" : "off", cells);
     EXPECT_EQ(layout.influence.pieces.any(), walls);
     EXPECT_EQ(!layout.influence.pieces.planes.empty(), walls && share_of_voxel != 0);
     Rng rng(6, RngStream::test);
