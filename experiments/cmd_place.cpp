@@ -271,6 +271,13 @@ std::string formatDrawn(const Json& drawn) {
                      drawn["receivers"].dump());
 }
 
+std::string formatReading(const Json& reading) {
+  return fmt::format("nrmse {} under every other one; weights for each receiver {}, for these very "
+                     "lights {}",
+                     formatError(reading["nrmse"]), formatError(reading["unseen"]),
+                     formatError(reading["seen"]));
+}
+
 std::string formatReached(const Json& reached) {
   std::string text;
   for (const auto& [count, share] : reached.items()) {
@@ -304,8 +311,11 @@ void printPlaced(const Json& r) {
       {"index", formatIndex(layout)},
       {"built in", formatNumber(layout["build_s"].get<double>()) + " s"},
       {"evaluations", layout["evaluations"].dump()}};
-  if (!r["drawn_lights"].is_null())
-    fields.emplace_back("drawn lights", formatDrawn(r["drawn_lights"]));
+  if (const Json& drawn = r["drawn_lights"]; !drawn.is_null()) {
+    fields.emplace_back("drawn lights", formatDrawn(drawn));
+    if (!drawn["reading"].is_null())
+      fields.emplace_back("what reading bounds", formatReading(drawn["reading"]));
+  }
   fmt::print("{}", formatFields(fields));
   const Json& search = r["search"];
   if (search.is_null()) return;

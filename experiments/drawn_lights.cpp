@@ -28,6 +28,11 @@ ErrorMetrics errorUnder(const Training::Data& data, std::span<const float> estim
   return scoreEstimates(estimate, receivers, ScoredSplit::heldout).all;
 }
 
+Json readingJson(const std::optional<ReadingBound>& bound) {
+  if (!bound) return nullptr;
+  return {{"nrmse", bound->nrmse}, {"unseen", bound->unseen}, {"seen", bound->seen}};
+}
+
 }  // namespace
 
 DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& layout,
@@ -44,13 +49,14 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
   const std::vector<float> estimates = estimateLayout(data, layout, params);
   Receivers receivers;
   receivers.points = data.receivers;
-  DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}};
+  DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}, {}};
   for (std::size_t l = 0; l < data.stateCount(); ++l)
     if (data.power[l] > 0)
       score.lights.push_back(
           {data.patches->lighting()[l].name, errorUnder(data, estimates, l, receivers)});
   if (score.lights.empty())
     throwInput("--drawn-lights: no light that was drawn reaches a receiver of {}", of.scene.path);
+  score.reading = boundReading(data, layout, params, estimates);
   return score;
 }
 
@@ -76,7 +82,8 @@ Json toJson(const DrawnLightsScore& score) {
           {"smape", smape / n},
           {"light_leak", light_leak / n},
           {"shadow_leak", shadow_leak / n},
-          {"each", each}};
+          {"each", each},
+          {"reading", readingJson(score.reading)}};
 }
 
 }  // namespace probelab

@@ -4,6 +4,7 @@
 // does under that one light; dozens say how it does under light that may be anywhere.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "json.h"
 #include "layout_source.h"
 #include "metrics/error.h"
+#include "placement/reading_bound.h"
 
 namespace probelab {
 
@@ -23,6 +25,7 @@ struct DrawnLight {
 struct DrawnLightsScore {
   int receivers = 0;  // all of them held-out
   std::vector<DrawnLight> lights;
+  std::optional<ReadingBound> reading;  // what better weights of the same probes could do
 };
 
 // Truth and probes are gathered from the same patches (placement/training.h), and the shared query
@@ -32,7 +35,8 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
                                   const Params& params, int lights, uint64_t seed);
 
 // {"lights", "receivers", "nrmse": root of the mean of nrmse^2, "smape", "light_leak",
-// "shadow_leak": means, "each": [{"kind", "nrmse", ...}]}.
+// "shadow_leak": means, "each": [{"kind", "nrmse", ...}], "reading": null or {"nrmse", "unseen",
+// "seen"}}.
 Json toJson(const DrawnLightsScore& score);
 
 }  // namespace probelab

@@ -127,6 +127,17 @@ class Place(PlaceTest):
         self.assertIsNone(self.place()["drawn_lights"])
         text = self.run_ok("place", "room.toml", "-o", "a.json", "--drawn-lights", "6").stdout
         self.assertRegex(text, r"drawn lights +nrmse [0-9.]+ under 6 \(least")
+        self.assertRegex(text, r"what reading bounds +nrmse [0-9.]+ under every other one;")
+
+    def test_what_reading_bounds(self):
+        """The layout's own error is that of the lights scored; weights fitted to these are best."""
+        drawn = self.place("--drawn-lights", 6, probes=27)["drawn_lights"]
+        bound, scored = drawn["reading"], [e["nrmse"] for e in drawn["each"][1::2]]
+        self.assertAlmostEqual(bound["nrmse"], math.sqrt(sum(e * e for e in scored) / 3),
+                               delta=1e-6)
+        self.assertLess(bound["seen"], bound["unseen"])
+        self.assertLess(bound["seen"], 0.8 * bound["nrmse"])
+        self.assertIsNone(self.place("--drawn-lights", 1)["drawn_lights"]["reading"])
 
     def test_seeds(self):
         for strategy in ("grid", "relocated", "jittered", "poisson"):

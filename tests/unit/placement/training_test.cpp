@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "placement/maxent.h"
 #include "placement/pool.h"
+#include "placement/reading_bound.h"
 #include "placement/subset_model.h"
 #include "placement/weight_fit.h"
 #include "path_truth.h"
