@@ -58,7 +58,8 @@ ProbeLayout startLayout(const PlacementInput& input) {
       otherLayout(kGridSparseStrategy.name, partOf(input, 0, 0.15)),
       otherLayout(kGridBestStrategy.name, partOf(input, 0.15, 0.3))};
   const uint64_t evaluations = candidates[0].evaluations + candidates[1].evaluations;
-  for (const std::size_t i : {0u, 1u}) candidates.push_back(relocatedLattice(input, distance, candidates[i]));
+  for (const std::size_t i : {0u, 1u})
+    candidates.push_back(relocatedLattice(input, distance, candidates[i]));
   std::size_t best = 0;
   double best_score = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < candidates.size(); ++i) {

@@ -220,7 +220,8 @@ class Study(Runner):
         drawn = placed["drawn_lights"]
         return {**self.cell(group, DRAWN, DRAWN, seed), **self.layout_part(group, placed),
                 **{k: drawn.get(k) for k in ERRORS}, "floors": {k: 0.0 for k in ERRORS},
-                "version": placed["version"], "blocks": squares_of(drawn)}
+                "version": placed["version"], "blocks": squares_of(drawn),
+                "reading": drawn["reading"]}
 
     def truth(self, scene, state, seed):
         """The receivers' file of a scene under a state, made once."""

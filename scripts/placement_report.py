@@ -159,19 +159,20 @@ class Tables:
         return table
 
     def costs(self):
-        """Build time, evaluations, index and query time of every layout."""
+        """Build time, evaluations, index and query time of every layout. Times of queries that
+        other commands ran beside say nothing."""
         table = [["layout", "N", "interpolant", "build s", "most", "evaluations", "index KiB",
                   "query x grid"]]
         by = {}
         for row in self.results.rows:
             by.setdefault((row["layout"], row["probes"]), []).append(row)
         grid = {(r["scene"], r["probes"], r["state"], r["seed"]): r["query_ns"]
-                for r in self.results.rows if r["layout"] == "grid" and "query_ns" in r}
+                for r in self.results.rows if r["layout"] == "grid" and is_timed(r)}
         shown = [k for k in by if k[1] in self.study["probes"] or k[0] in self.ours]
         for name, n in sorted(shown, key=lambda k: (k[1], self.names.index(k[0])
                                                  if k[0] in self.names else 99)):
             rows = by[name, n]
-            ratios = [r["query_ns"] / grid[key] for r in rows if "query_ns" in r
+            ratios = [r["query_ns"] / grid[key] for r in rows if is_timed(r)
                       if (key := (r["scene"], r["probes"], r["state"], r["seed"])) in grid]
             table.append([name, str(n), "/".join(sorted({r["interpolant"] for r in rows})),
                           number(statistics.median(r["build_s"] for r in rows)),
@@ -179,6 +180,32 @@ class Tables:
                           number(statistics.median(r["evaluations"] for r in rows)),
                           number(statistics.median(r["index_bytes"] for r in rows) / 1024),
                           number(statistics.median(ratios)) if ratios else "-"])
+        return table if len(table) > 1 else None
+
+    def readings(self):
+        """What each receiver's best weights could do with ours' probes under the drawn lights: a
+        row a layout, budget and scene, gains over the layout's own reading."""
+        table = [["layout", "scene", "N", "seeds", "nrmse", "unseen lights", "seen lights"]]
+        by, gains = {}, {}
+        for row in self.results.rows:
+            if row["layout"] in self.ours and row.get("reading"):
+                key = (row["layout"], row["probes"], row["scene"])
+                by.setdefault(key, []).append(row["reading"])
+        order = [(name, n, scene) for name in self.ours for n in sorted({k[1] for k in by})
+                 for scene in self.scenes]
+        for name, n, scene in (key for key in order if key in by):
+            readings = by[name, n, scene]
+            own, unseen, seen = (math.sqrt(statistics.fmean(r[k] ** 2 for r in readings))
+                                 for k in ("nrmse", "unseen", "seen"))
+            if not unseen > 0 or not seen > 0:
+                continue
+            table.append([name, scene, str(n), str(len(readings)), number(own),
+                          number(own / unseen), number(own / seen)])
+            if scene not in self.null:
+                gains.setdefault((name, n), []).append((own / unseen, own / seen))
+        for (name, n), of in gains.items():
+            table.append([name, "geometric mean", str(n), "", "",
+                          *(number(geometric_mean(list(v))) for v in zip(*of))])
         return table if len(table) > 1 else None
 
     def retraining(self):
@@ -203,6 +230,10 @@ class Tables:
             table.append([name, str(n), "mean", LIGHTS[lights], "", "",
                           *(percent(statistics.fmean(values)) for values in zip(*of))])
         return table if len(table) > 1 else None
+
+
+def is_timed(row):
+    return "query_ns" in row and row["jobs"] == 1
 
 
 def percent(value):
@@ -299,6 +330,14 @@ def report(study, rows, failures=()):
             if table:
                 parts += [f"## Budget at which {ours} meets the best baseline's error, over N: "
                           f"{title}", aligned(table)]
+    readings = tables.readings()
+    if readings:
+        parts += ["## What reading bounds: gains over a layout's own reading, drawn lights",
+                  aligned(readings, 2),
+                  "At each receiver the best non-negative weights of the 20 nearest probes that it "
+                  "sees, fitted to its own truth under every other drawn light: *unseen lights* "
+                  "are scored under the rest of the lights, *seen lights* under those of the fit "
+                  "(which are then the rest). nrmse: the layout's own, under the rest."]
     for title, table in (("Cost of layouts", tables.costs()),
                          ("Retraining: layouts of other seeds at the same receivers",
                           tables.retraining())):

@@ -16,7 +16,7 @@ namespace {
 constexpr std::size_t kProbes = 20;
 constexpr std::size_t kNearest = 12;  // of these, that have weight to begin with
 constexpr float kSharpness = 10;
-constexpr std::array kPulls = {0.01, 0.1, 1.0, 10.0, 1000.0};  // x the mean diagonal of the errors' squares
+constexpr std::array kPulls = {0.01, 0.1, 1.0, 10.0, 1000.0};  // x the mean square of the errors
 constexpr float kOffSurface = 1e-4f;  // of the scene's extent, where a receiver looks from
 constexpr float kLeftOut = 1e-3f;     // share of the way before a probe
 constexpr double kDim = 0.02;         // of the mean: a root's slope is that of no darker place

@@ -58,6 +58,7 @@ class PlacementStudy(CliTest):
         self.assertEqual(len(rows), 8)
         drawn = [r for r in rows if r["lights"] == "drawn"]
         self.assertEqual([len(r["blocks"]) for r in drawn], [3, 3])
+        self.assertLess(drawn[1]["reading"]["seen"], drawn[1]["reading"]["nrmse"])
         self.assertEqual([r["lights"] for r in rows].count("heldout"), 2)
         for row in rows:
             self.assertAlmostEqual(math.sqrt(max(0, sum(row["blocks"].values()))), row["nrmse"],
@@ -178,6 +179,17 @@ class Report(unittest.TestCase):
         self.assertIsNone(placement_report.error_ratio(0.02, 0.03, 0.1))
         self.assertEqual(placement_report.error_ratio(0.2, 0, 0), float("inf"))
         self.assertEqual(placement_report.number(float("inf")), "inf")
+
+    def test_what_reading_bounds(self):
+        rows = [row("ours", [0.01], lights="drawn", seed=seed,
+                    reading={"nrmse": 0.4 * seed, "unseen": 0.2 * seed, "seen": 0.1 * seed})
+                for seed in (1, 2)]
+        rows += [row("a", [0.01], lights="drawn", reading={"nrmse": 1, "unseen": 1, "seen": 1}),
+                 row("ours", [0.01])]
+        table = placement_report.Tables(self.STUDY, rows).readings()
+        self.assertEqual(table[1:], [["ours", "s", "8", "2", "0.632", "2.00", "4.00"],
+                                     ["ours", "geometric mean", "8", "", "", "2.00", "4.00"]])
+        self.assertIsNone(placement_report.Tables(self.STUDY, rows[3:]).readings())
 
     def test_the_budget_that_meets_an_error(self):
         points = [(64, 0.8), (256, 0.4), (1024, 0.2)]  # error = 6.4 / sqrt(N)
