@@ -233,7 +233,7 @@ class Tables:
 
 
 def is_timed(row):
-    return "query_ns" in row and row["jobs"] == 1
+    return "query_ns" in row and row.get("jobs") == 1
 
 
 def percent(value):

@@ -113,16 +113,22 @@ std::vector<double> errorProducts(const Training::Data& data, bool squared, cons
 }
 
 // nrmse over `scored`, root mean square, of weights fitted under `fitted`; the best of all pulls.
+// What the fit sums over states is the same for every pull.
 double bestWeights(const Training::Data& data, bool squared, std::span<const SeenProbes> seen,
                    std::span<const float> estimates, std::span<const std::size_t> fitted,
                    std::span<const std::size_t> scored) {
+  std::vector<std::vector<double>> products(seen.size());
+  parallelFor(seen.size(), 16, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r)
+      products[r] = errorProducts(data, squared, seen[r], r, fitted);
+  });
   double best = std::numeric_limits<double>::infinity();
   for (const double pull : kPulls) {
     std::vector<float> answers(estimates.begin(), estimates.end());
     parallelFor(seen.size(), 16, [&](std::size_t begin, std::size_t end) {
       for (std::size_t r = begin; r < end; ++r) {
         if (seen[r].count == 0) continue;  // the layout's own answer
-        const std::vector<double> g = errorProducts(data, squared, seen[r], r, fitted);
+        const std::vector<double>& g = products[r];
         double diagonal = 0;
         for (std::size_t i = 0; i < seen[r].count; ++i) diagonal += g[i * (seen[r].count + 1)];
         const std::vector<double> w =
