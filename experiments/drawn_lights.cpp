@@ -46,7 +46,8 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
                      .receiver_rays = kRays,
                      .lamps_each = 1});
   const Training::Data& data = training.data();
-  const std::vector<float> estimates = estimateLayout(data, layout, params);
+  const LayoutBake bake = bakeLayout(*data.patches, layout, params, data.settings.seed);
+  const std::vector<float> estimates = estimateLayout(data, layout, params, bake);
   Receivers receivers;
   receivers.points = data.receivers;
   DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}, {}};
@@ -56,7 +57,7 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
           {data.patches->lighting()[l].name, errorUnder(data, estimates, l, receivers)});
   if (score.lights.empty())
     throwInput("--drawn-lights: no light that was drawn reaches a receiver of {}", of.scene.path);
-  score.reading = boundReading(data, layout, params, estimates);
+  score.reading = boundReading(data, layout, params, bake, estimates);
   return score;
 }
 

@@ -180,10 +180,10 @@ std::vector<double> simplexMinimum(std::span<const double> g, std::span<const do
 }
 
 std::optional<ReadingBound> boundReading(const Training::Data& data, const ProbeLayout& layout,
-                                         const Params& params, std::span<const float> estimates) {
+                                         const Params& params, const LayoutBake& bake,
+                                         std::span<const float> estimates) {
   const States states = splitStates(data);
   if (states.scored.empty()) return std::nullopt;
-  const LayoutBake bake = bakeLayout(*data.patches, layout, params, data.settings.seed);
   std::vector<SeenProbes> seen(data.receivers.size());
   parallelFor(seen.size(), 16, [&](std::size_t begin, std::size_t end) {
     for (std::size_t r = begin; r < end; ++r)

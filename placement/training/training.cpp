@@ -147,8 +147,14 @@ const TrainingSettings& Training::settings() const { return data_->settings; }
 
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params) {
+  return estimateLayout(data, layout, params,
+                        bakeLayout(*data.patches, layout, params, data.settings.seed));
+}
+
+std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
+                                  const Params& params, const LayoutBake& bake) {
   const std::size_t states = data.stateCount();
-  const auto [plan, probes] = bakeLayout(*data.patches, layout, params, data.settings.seed);
+  const auto& [plan, probes] = bake;
   FieldSnapshot snapshot = bakedSnapshot(layout, params, probes);
   // The atlas holds irradiance / pi; encoding is left out.
   QueryParams<double> query = queryParams(params);

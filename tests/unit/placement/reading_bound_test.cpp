@@ -54,12 +54,14 @@ struct Bounded {
         training(place.scene, place.embree, place.reachability,
                  TrainingSettings{300, 16, Split::train, 3, 128, 1}),
         layout(placeProbes("poisson", place.input(probes, 1, options))),
-        bound(boundReading(training.data(), layout, place.params,
-                           estimateLayout(training.data(), layout, place.params))
+        bake(bakeLayout(*training.data().patches, layout, place.params, 3)),
+        bound(boundReading(training.data(), layout, place.params, bake,
+                           estimateLayout(training.data(), layout, place.params, bake))
                   .value()) {}
   Place place;
   Training training;
   ProbeLayout layout;
+  LayoutBake bake;
   ReadingBound bound;
 };
 

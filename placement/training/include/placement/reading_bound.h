@@ -25,9 +25,10 @@ struct ReadingBound {
 // interpolation has nothing left to gain under light that it was not made for, and only other
 // probes can.
 //
-// `estimates` are those of estimateLayout. None with fewer than two lit states.
+// `estimates` are those of estimateLayout on the same bake. None with fewer than two lit states.
 std::optional<ReadingBound> boundReading(const Training::Data& data, const ProbeLayout& layout,
-                                         const Params& params, std::span<const float> estimates);
+                                         const Params& params, const LayoutBake& bake,
+                                         std::span<const float> estimates);
 
 // Non-negative w of sum 1 with the least w.G w + pull |w - prior|^2, G [row * n + column] positive
 // semidefinite; to a thousandth of G's mean diagonal in the gradient.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "placement/patch_cache.h"
+#include "placement/probe_bake.h"
 #include "placement/training.h"
 #include "trace/receivers.h"
 
@@ -32,5 +33,8 @@ std::vector<double> squaredErrors(const Training::Data& data, std::span<const fl
 // Estimates of a layout, [receiver][state]: the shared query on baked probes.
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params);
+// The same on probes that are baked already.
+std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
+                                  const Params& params, const LayoutBake& bake);
 
 }  // namespace probelab
