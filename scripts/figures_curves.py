@@ -4,7 +4,7 @@ and hysteresis, speed against error. draw_NAME(pyplot, study, tables) returns {s
 Needs matplotlib."""
 import math
 
-from figures_panels import (MARKERS, PAGE, Sheet, bounds_of, colour, count_axis,
+from figures_panels import (MARKERS, PAGE, Sheet, bounds_of, color_bar, colour, count_axis,
                             draw_points, end_labels, grid_of, pretty, ratio_axis, shades,
                             stored_axis)
 from figures_tables import LEAST_LEAK
@@ -132,7 +132,7 @@ def draw_heat(figure, panels, rows, presets):
         panel.set_title(preset)
         panel.set_xlabel("probes asked, spacing")
     panels[0].set_ylabel("wall thickness, cm")
-    bar = figure.colorbar(image, ax=list(panels), pad=0.02, aspect=14)
+    bar = color_bar(figure, image, list(panels))
     bar.set_label("light leak")
 
 

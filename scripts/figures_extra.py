@@ -3,8 +3,8 @@
 returns {suffix: figure}. Needs matplotlib."""
 from figures_curves import pick, values_with_floors
 from figures_extra_tables import ERRORS, LIGHTS, MAPS
-from figures_panels import (MARKERS, PAGE, Sheet, bounds_of, colour, draw_points, floor_lines,
-                            pretty, ratio_axis, shades)
+from figures_panels import (MARKERS, PAGE, Sheet, bounds_of, color_bar, colour, draw_points,
+                            floor_lines, pretty, ratio_axis, shades)
 from figures_tables import LEAST_LEAK
 
 
@@ -90,7 +90,7 @@ def draw_map(figure, panel, rows, metric, shared):
                                             for v in view],
                              norm=norm, cmap="cividis", shading="nearest", rasterized=True)
     if positive:
-        figure.colorbar(image, ax=panel, pad=0.02, aspect=14)
+        color_bar(figure, image, panel)
     panel.set_xlim(min(normal), max(normal))
     panel.set_ylim(min(view), max(view))
     panel.grid(False)

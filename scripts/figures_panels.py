@@ -164,15 +164,11 @@ def ratio_axis(axis, values, margin=1.25, smallest=0.0):
             low, high = math.sqrt(low * high) / 2, math.sqrt(low * high) * 2
         set_scale("log")
         set_limits(low, high)
-        ticks = decades(low, high)
-        for subs in ((1, 3), (1, 2, 5), (1, 2, 3, 5, 7)):
-            if len(ticks) >= 3:
-                break
-            ticks = decades(low, high, subs)
+        ticks = log_ticks(low, high)
     while len(ticks) > 5:
         ticks = ([0] if zeros else []) + [t for t in ticks if t != 0][::2]
     axis.set_major_locator(ticker.FixedLocator(ticks))
-    plain = all(t == 0 or 0.00099 < t < 1e5 for t in ticks)
+    plain = reads_plain(ticks)
     axis.set_major_formatter(ticker.FuncFormatter(lambda v, _: short(v, plain)))
     minor = [m for m in decades(least / 10, most * 10, range(1, 10))]
     axis.set_minor_locator(ticker.FixedLocator(minor))
@@ -183,6 +179,32 @@ def decades(low, high, subs=(1,)):
     first, last = math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 1
     ticks = [s * 10.0 ** e for e in range(first, last + 1) for s in subs]
     return [float(f"{t:.6g}") for t in ticks if low * 0.999999 <= t <= high * 1.000001]
+
+
+def log_ticks(low, high):
+    """Round values, three where there is room for three."""
+    for subs in ((1,), (1, 3), (1, 2, 5), (1, 2, 3, 5, 7), range(1, 10)):
+        ticks = decades(low, high, subs)
+        if len(ticks) >= 3:
+            break
+    return ticks
+
+
+def reads_plain(ticks):
+    return all(t == 0 or 0.00099 < t < 1e5 for t in ticks)
+
+
+def color_bar(figure, image, panels):
+    """The bar of a map, labelled as a logarithmic axis where its norm is one."""
+    from matplotlib import colors, ticker
+    bar = figure.colorbar(image, ax=panels, pad=0.02, aspect=14)
+    if isinstance(image.norm, colors.LogNorm):
+        ticks = log_ticks(image.norm.vmin, image.norm.vmax)
+        while len(ticks) > 5:
+            ticks = ticks[::2]
+        bar.set_ticks(ticks, labels=[short(t, reads_plain(ticks)) for t in ticks])
+        bar.ax.yaxis.set_minor_formatter(ticker.NullFormatter())
+    return bar
 
 
 def powers_of_two(low, high):

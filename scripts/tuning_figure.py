@@ -9,8 +9,8 @@ import csv
 import pathlib
 import sys
 
-from figures_panels import (COLUMN, MARKERS, PAGE, Sheet, colour, load_pyplot, name_places, pretty,
-                            ratio_axis, room_for_places, save)
+from figures_panels import (COLUMN, MARKERS, PAGE, Sheet, color_bar, colour, load_pyplot,
+                            name_places, pretty, ratio_axis, room_for_places, save)
 from figures_tables import LEAST_LEAK
 from whole_output import (InputError, first_paragraph, no_matplotlib, of_system, read_object,
                           whole_folder)
@@ -78,7 +78,7 @@ def draw_map(pyplot, result, folder):
         norm = (LogNorm if logarithmic else Normalize)(min(values), max(values))
         image = panel.pcolormesh(normal, view, grids[column], norm=norm, cmap="cividis",
                                  shading="nearest", rasterized=True)
-        sheet.figure.colorbar(image, ax=panel, pad=0.02, aspect=14)
+        color_bar(sheet.figure, image, panel)
         handles = mark_places(panel, places, labels)
         panel.set_title(f"{title}, train receivers")
         panel.set_xlabel("normal bias, x probe spacing")

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/parallel.h"
 #include "placement/maxent.h"
 #include "shared/query.h"
 
@@ -16,6 +17,7 @@ constexpr uint32_t kScreened = 6;     // a screening looks at every sixth point
 constexpr int kListed = 16;           // nearest visible probes that a receiver knows, at most
 constexpr std::size_t kCovering = 4;  // visible probes that a place should have near
 constexpr float kLift = 1e-4f;        // of the scene's extent, off the surface for visibility rays
+constexpr std::size_t kGrain = 64;    // points that a thread takes at once
 constexpr float kGap = 1e-3f;         // share of a visibility ray left out at its end
 
 // The moments of one probe as the shared query reads them.
@@ -84,7 +86,7 @@ SubsetModel::SubsetModel(const Training::Data& data, const JudgedPoints& judged,
     }
     cell_receivers_[static_cast<std::size_t>(cell)].push_back(static_cast<uint32_t>(r));
   }
-  for (std::size_t r = 0; r < count; ++r) refresh(r);
+  for (std::size_t r = 0; r < count; ++r) costs_[r] = costWith(r, {});
 }
 
 double errorWeight(const Training::Data& data, const Objective& objective, std::size_t state,
@@ -299,32 +301,40 @@ double SubsetModel::screenChange(const Change& change) const {
 }
 
 std::vector<uint32_t> SubsetModel::touched(const Change& change) const {
-  std::vector<uint32_t> receivers;
-  forTouched(change, [&](uint32_t r) {
-    if (costWith(r, change) != costs_[r]) receivers.push_back(r);
+  std::vector<uint32_t> near, receivers;
+  forTouched(change, [&](uint32_t r) { near.push_back(r); });
+  std::sort(near.begin(), near.end());
+  std::vector<uint8_t> altered(near.size());
+  parallelFor(near.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      altered[i] = costWith(near[i], change) != costs_[near[i]];
   });
-  std::sort(receivers.begin(), receivers.end());
+  for (std::size_t i = 0; i < near.size(); ++i)
+    if (altered[i]) receivers.push_back(near[i]);
   return receivers;
 }
 
-void SubsetModel::refresh(std::size_t receiver) { costs_[receiver] = costWith(receiver, {}); }
+void SubsetModel::refresh(std::span<const uint32_t> receivers) {
+  parallelFor(receivers.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) costs_[receivers[i]] = costWith(receivers[i], {});
+  });
+}
+
+// False where the list has nearer ones only.
+bool SubsetModel::hasPlace(std::size_t receiver, float distance) {
+  List& list = lists_[receiver];
+  if (list.entries.empty() || distance < list.entries.back().distance) return true;
+  if (list.entries.size() == kListed) list.complete = false;
+  return list.complete;
+}
 
 // Puts a probe into a receiver's list if it is visible and near enough.
-void SubsetModel::insertEntry(std::size_t receiver, int probe) {
+void SubsetModel::insertEntry(std::size_t receiver, int probe, const Pair& pair,
+                              const float* values) {
+  if (!hasPlace(receiver, pair.distance) || !pair.visible) return;
   List& list = lists_[receiver];
-  const BakedProbe& baked = slots_[static_cast<std::size_t>(probe)];
-  const bool full = list.entries.size() == kListed;
-  const float distance = length(baked.position - lifted_[receiver]);
-  if (full && distance >= list.entries.back().distance) {
-    list.complete = false;
-    return;
-  }
-  if (!list.complete && !list.entries.empty() && distance >= list.entries.back().distance) return;
-  std::array<float, kMostStates> values;
-  const Pair pair = pairOf(receiver, baked, values.data());
-  if (!pair.visible) return;
   int row = static_cast<int>(list.entries.size());
-  if (full) {
+  if (list.entries.size() == kListed) {
     row = list.entries.back().row;
     std::erase(users_[static_cast<std::size_t>(list.entries.back().probe)],
                static_cast<uint32_t>(receiver));
@@ -341,7 +351,7 @@ void SubsetModel::insertEntry(std::size_t receiver, int probe) {
       std::upper_bound(list.entries.begin(), list.entries.end(), entry,
                        [](const Entry& a, const Entry& b) { return a.distance < b.distance; });
   list.entries.insert(at, entry);
-  std::copy_n(values.begin(), states_,
+  std::copy_n(values, states_,
               &values_[(receiver * kListed + static_cast<std::size_t>(row)) * states_]);
   users_[static_cast<std::size_t>(probe)].push_back(static_cast<uint32_t>(receiver));
 }
@@ -369,7 +379,12 @@ void SubsetModel::rebuild(std::size_t receiver) {
       std::partial_sort(order.begin() + static_cast<std::ptrdiff_t>(i),
                         order.begin() + static_cast<std::ptrdiff_t>(sorted), order.end());
     }
-    insertEntry(receiver, order[i].second);
+    const int p = order[i].second;
+    const BakedProbe& baked = slots_[static_cast<std::size_t>(p)];
+    if (!hasPlace(receiver, length(baked.position - lifted_[receiver]))) continue;
+    std::array<float, kMostStates> values;
+    const Pair pair = pairOf(receiver, baked, values.data());
+    insertEntry(receiver, p, pair, values.data());
   }
 }
 
@@ -384,24 +399,29 @@ int SubsetModel::add(const BakedProbe& probe) {
     users_.emplace_back();
   }
   alive_.insert(std::upper_bound(alive_.begin(), alive_.end(), index), index);
-  for (std::size_t cell = 0; cell < cell_receivers_.size(); ++cell) {
-    float reach = 0;
-    for (const uint32_t r : cell_receivers_[cell]) {
-      const List& list = lists_[r];
-      const float listed = list.entries.size() < kListed && list.complete
-                               ? std::numeric_limits<float>::infinity()
-                               : list.entries.back().distance;
+  std::vector<uint32_t> reached;
+  for (const std::vector<uint32_t>& receivers : cell_receivers_)
+    for (const uint32_t r : receivers) {
+      List& list = lists_[r];
+      const bool open = list.entries.size() < kListed && list.complete;
       const Vec3f to = probe.position - lifted_[r];
-      if (dot(to, to) < listed * listed) {
-        insertEntry(r, index);
-        refresh(r);
-      } else {
-        lists_[r].complete = false;
-      }
-      reach = std::max(reach, reachOf(r));
+      const float listed =
+          open ? std::numeric_limits<float>::infinity() : list.entries.back().distance;
+      if (dot(to, to) < listed * listed)
+        reached.push_back(r);
+      else
+        list.complete = false;
     }
-    cell_reach_[cell] = reach;
-  }
+  std::vector<Pair> pairs(reached.size());
+  std::vector<float> values(reached.size() * states_);
+  parallelFor(reached.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      pairs[i] = pairOf(reached[i], probe, &values[i * states_]);
+  });
+  for (std::size_t i = 0; i < reached.size(); ++i)
+    insertEntry(reached[i], index, pairs[i], &values[i * states_]);
+  refresh(reached);
+  findReaches();
   return index;
 }
 
@@ -415,9 +435,13 @@ void SubsetModel::remove(int probe) {
     List& list = lists_[r];
     std::erase_if(list.entries, [&](const Entry& e) { return e.probe == probe; });
     if (!list.complete && list.entries.size() <= k + 1) rebuild(r);
-    refresh(r);
   }
+  refresh(users);
   free_.push_back(probe);
+  findReaches();
+}
+
+void SubsetModel::findReaches() {
   for (std::size_t cell = 0; cell < cell_receivers_.size(); ++cell) {
     float reach = 0;
     for (const uint32_t r : cell_receivers_[cell]) reach = std::max(reach, reachOf(r));
