@@ -178,7 +178,7 @@ const Strategy kOptimizedStrategy = {
         {"pool_least", "16000", "0 .. 1e6", "as many at least, however few the probes"},
         {"pool_share", "0.7", "0 .. 1", "their share of the cost; train receivers have the rest"},
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
-        {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
+        {"stiffness", "0.2", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
         {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
         {"check", "on", "on | off",
          "keep the start where other lights of its kind say that it is better"},

@@ -8,23 +8,20 @@
 namespace probelab {
 namespace {
 
-constexpr float kNearest = 0.02f, kFarthest = 0.17f;  // of the spacing, off the wall
+constexpr float kOffWall = 0.02f;  // of the spacing, where candidates stand before a wall
 
-// A place of free space near a wall, or anywhere, and a direction.
-Receiver poolPoint(const Training::Data& data, const Receiver& from, float spacing_m, Rng& rng) {
+// A place of free space before a wall that looks as the wall does, or anywhere with any direction.
+Receiver poolPoint(const Training::Data& data, const Receiver& from, float spacing_m) {
   Receiver point = from;
-  point.kind = ReceiverKind::volume;
-  const float share = rng.nextFloat();
-  const Vec2f turn(rng.nextFloat(), rng.nextFloat());
-  if (from.kind == ReceiverKind::surface) {
-    float away = spacing_m * (kNearest + (kFarthest - kNearest) * share);
-    const Vec3f start = from.position + from.normal * (1e-4f * data.embree.extent());
-    const Hit hit = data.embree.closest(Ray{start, 0, from.normal, 2 * away});
-    if (hit.primitive != kNoHit) away = std::min(away, 0.5f * hit.t);
-    point.position = from.position + from.normal * away;
-    point.normal = cosineDirection(from.normal, 0, 1, turn);
+  if (from.kind != ReceiverKind::surface) {
+    point.view = -point.normal;
+    return point;
   }
-  point.view = -point.normal;
+  float away = spacing_m * kOffWall;
+  const Vec3f start = from.position + from.normal * (1e-4f * data.embree.extent());
+  const Hit hit = data.embree.closest(Ray{start, 0, from.normal, 2 * away});
+  if (hit.primitive != kNoHit) away = std::min(away, 0.5f * hit.t);
+  point.position = from.position + from.normal * away;
   return point;
 }
 
@@ -35,12 +32,11 @@ void addPool(JudgedPoints& judged, const Training::Data& data, const BakePlan& p
   const Receivers places = generateReceivers(data.scene, data.embree, data.reachability,
                                              static_cast<uint32_t>(settings.points),
                                              hashCounters(seed, RngStream::placement, 30));
-  Rng rng(seed, RngStream::placement, 31);
   std::vector<Receiver> points;
   std::vector<Vec3f> positions;
   double area = 0;
   for (const Receiver& place : places.points) {
-    points.push_back(poolPoint(data, place, settings.spacing_m, rng));
+    points.push_back(poolPoint(data, place, settings.spacing_m));
     positions.push_back(points.back().position);
     area += place.area;
   }

@@ -69,7 +69,7 @@ std::vector<CornerWeight> voxelWeights(const InfluenceGrid& grid, const Vec3f& p
   for (uint32_t e = grid.voxel_begin[place.piece]; e < grid.voxel_begin[place.piece + 1]; ++e) {
     float weight = 0;
     for (std::size_t k = 0; k < 8; ++k)
-      weight += place.share[k] * static_cast<float>(grid.entries[e].weights[k]) / 255;
+      weight += place.share[k] * byteWeight(grid.entries[e].weights[k]);
     if (weight > 0) weights.push_back({grid.entries[e].probe, weight});
   }
   return weights;

@@ -109,7 +109,7 @@ inline std::vector<double> sharesByHand(const ProbeLayout& layout, const Vec3d& 
   std::vector<double> shares(layout.positions.size(), 0.0);
   for (uint32_t e = grid.voxel_begin[voxel]; e < grid.voxel_begin[voxel + 1]; ++e)
     for (int k = 0; k < 8; ++k) {
-      double w = grid.entries[e].weights[static_cast<std::size_t>(k)] / 255.0;
+      double w = std::pow(grid.entries[e].weights[static_cast<std::size_t>(k)] / 128.0, 2);
       for (std::size_t a = 0; a < 3; ++a) w *= (k >> a & 1) != 0 ? alpha[a] : 1 - alpha[a];
       shares[grid.entries[e].probe] += w;
     }

@@ -11,12 +11,9 @@
 namespace probelab {
 namespace {
 
-// A corner's probes with weights in units of 1/255, by probe.
-struct CornerShare {
-  uint32_t probe;
-  uint8_t weight;
-};
-using CornerShares = std::vector<CornerShare>;
+// A corner's weights below this share of their sum are left out; the largest stays.
+constexpr double kLeastShare = 1.0 / 510;
+constexpr float kMostWeight = 3.9f;  // that a byte can hold, and a little less
 
 std::size_t asSize(int value) { return static_cast<std::size_t>(value); }
 
@@ -45,50 +42,53 @@ void mergeProbes(std::vector<CornerWeight>& weights, std::size_t probes) {
   weights.resize(kept);
 }
 
-// Scaled to sum 1 and rounded; the largest stays whatever it rounds to.
-CornerShares roundWeights(const std::vector<CornerWeight>& weights) {
+// Scaled to sum 1, or as they are where a byte can hold them.
+void scaleCorner(std::vector<CornerWeight>& weights, CornerScale scale) {
   double sum = 0;
-  std::size_t largest = 0;
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    sum += static_cast<double>(weights[i].weight);
-    if (weights[i].weight > weights[largest].weight) largest = i;
+  float largest = 0;
+  for (const CornerWeight& w : weights) {
+    sum += static_cast<double>(w.weight);
+    largest = std::max(largest, w.weight);
   }
-  CornerShares shares;
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    const long n = std::lround(255 * static_cast<double>(weights[i].weight) / sum);
-    if (n > 0 || i == largest)
-      shares.push_back({weights[i].probe, static_cast<uint8_t>(std::max(n, 1L))});
-  }
-  return shares;
+  std::erase_if(weights, [&](const CornerWeight& w) {
+    return w.weight < largest && static_cast<double>(w.weight) < kLeastShare * sum;
+  });
+  const double factor = scale == CornerScale::one
+                            ? 1 / sum
+                            : std::min(1.0, static_cast<double>(kMostWeight / largest));
+  for (CornerWeight& w : weights)
+    w.weight = static_cast<float>(factor * static_cast<double>(w.weight));
 }
 
 // The mean of the corners beside one, of those that have probes.
-CornerShares neighboursMean(const std::vector<CornerShares>& corners, const Vec3i& count,
-                            int index) {
+std::vector<CornerWeight> neighboursMean(const CornerWeights& corners, const Vec3i& count,
+                                         int index) {
   const Vec3i at = gridPlace(count, index);
-  std::vector<CornerWeight> sum;
+  std::vector<CornerWeight> mean;
+  int found = 0;
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (const int step : {-1, 1}) {
       Vec3i beside = at;
       beside[axis] += step;
       if (beside[axis] < 0 || beside[axis] >= count[axis]) continue;
-      for (const CornerShare& share :
-           corners[asSize(gridIndex(count, beside.x, beside.y, beside.z))])
-        sum.push_back({share.probe, static_cast<float>(share.weight)});
+      const auto& list = corners[asSize(gridIndex(count, beside.x, beside.y, beside.z))];
+      mean.insert(mean.end(), list.begin(), list.end());
+      if (!list.empty()) ++found;
     }
-  if (sum.empty()) return {};
-  mergeProbes(sum, std::numeric_limits<uint32_t>::max());
-  return roundWeights(sum);
+  for (CornerWeight& w : mean) w.weight /= static_cast<float>(found);
+  mergeProbes(mean, std::numeric_limits<uint32_t>::max());
+  if (!mean.empty()) scaleCorner(mean, CornerScale::kept);  // leaves out what is too small
+  return mean;
 }
 
 // Gives every empty corner of the grid the mean of its neighbours', ring by ring.
-void fillEmptyCorners(std::vector<CornerShares>& corners, const Vec3i& count) {
+void fillEmptyCorners(CornerWeights& corners, const Vec3i& count) {
   std::vector<int> empty;
   for (int i = 0; i < count.x * count.y * count.z; ++i)
     if (corners[asSize(i)].empty()) empty.push_back(i);
   PROBELAB_CHECK(empty.size() < corners.size());
   while (!empty.empty()) {
-    std::vector<CornerShares> means(empty.size());
+    CornerWeights means(empty.size());
     parallelFor(empty.size(), 256, [&](std::size_t begin, std::size_t end) {
       for (std::size_t i = begin; i < end; ++i) means[i] = neighboursMean(corners, count, empty[i]);
     });
@@ -103,11 +103,10 @@ void fillEmptyCorners(std::vector<CornerShares>& corners, const Vec3i& count) {
 
 // The union of the probes of a piece's corners, by probe.
 std::vector<InfluenceEntry> pieceEntries(const InfluenceGrid& grid, const VoxelPieces& pieces,
-                                         std::size_t piece,
-                                         const std::vector<CornerShares>& corners) {
+                                         std::size_t piece, const CornerWeights& corners) {
   std::vector<InfluenceEntry> entries;
   for (int k = 0; k < 8; ++k)
-    for (const CornerShare& share :
+    for (const CornerWeight& share :
          corners[pieces.lists.empty() ? voxelCorner(grid.corners, piece, k)
                                       : pieces.lists[piece][asSize(k)]]) {
       auto found = std::lower_bound(
@@ -115,7 +114,7 @@ std::vector<InfluenceEntry> pieceEntries(const InfluenceGrid& grid, const VoxelP
           [](const InfluenceEntry& entry, uint32_t probe) { return entry.probe < probe; });
       if (found == entries.end() || found->probe != share.probe)
         found = entries.insert(found, InfluenceEntry{share.probe, {}});
-      found->weights[asSize(k)] = share.weight;
+      found->weights[asSize(k)] = weightByte(share.weight);
     }
   return entries;
 }
@@ -292,21 +291,26 @@ VoxelPlace voxelAt(const Lattice& corners, const VoxelPieces& pieces, const Vec3
   return place;
 }
 
+uint8_t weightByte(float weight) {
+  const long byte = std::lround(PL_WEIGHT_ONE * std::sqrt(static_cast<double>(weight)));
+  return static_cast<uint8_t>(std::clamp(byte, 1L, 255L));
+}
+
 InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
-                            const std::vector<Vec3f>& positions, VoxelPieces pieces) {
+                            const std::vector<Vec3f>& positions, VoxelPieces pieces,
+                            CornerScale scale) {
   for (std::size_t axis = 0; axis < 3; ++axis) PROBELAB_CHECK(corners.count[axis] >= 2);
   PROBELAB_CHECK(pieces.any() ? weights.size() >= asSize(corners.pointCount())
                               : weights.size() == asSize(corners.pointCount()));
-  std::vector<CornerShares> shares(weights.size());
   parallelFor(weights.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       mergeProbes(weights[i], positions.size());
-      if (!weights[i].empty()) shares[i] = roundWeights(weights[i]);
+      if (!weights[i].empty()) scaleCorner(weights[i], scale);
     }
   });
-  if (std::all_of(shares.begin(), shares.end(), [](const auto& list) { return list.empty(); }))
+  if (std::all_of(weights.begin(), weights.end(), [](const auto& list) { return list.empty(); }))
     throwInput("no probe has a weight anywhere: ask for more probes or check the volume");
-  fillEmptyCorners(shares, corners.count);
+  fillEmptyCorners(weights, corners.count);
 
   InfluenceGrid grid;
   grid.corners = corners;
@@ -315,7 +319,7 @@ InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
   grid.voxel_begin.push_back(0);
   const std::vector<std::size_t> voxel_of = voxelOfPiece(grid);
   for (std::size_t piece = 0; piece < voxel_of.size(); ++piece) {
-    const std::vector<InfluenceEntry> entries = pieceEntries(grid, pieces, piece, shares);
+    const std::vector<InfluenceEntry> entries = pieceEntries(grid, pieces, piece, weights);
     grid.entries.insert(grid.entries.end(), entries.begin(), entries.end());
     PROBELAB_CHECK(grid.entries.size() < std::numeric_limits<uint32_t>::max());
     grid.voxel_begin.push_back(static_cast<uint32_t>(grid.entries.size()));

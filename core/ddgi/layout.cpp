@@ -194,7 +194,9 @@ ProbeLayout scatteredLayout(Interpolant interpolant, std::vector<Vec3f> position
   ProbeLayout layout;
   layout.interpolant = interpolant;
   layout.bounds = bounds;
-  layout.influence = makeInfluence(corners, std::move(weights), positions, pieces);
+  layout.influence =
+      makeInfluence(corners, std::move(weights), positions, pieces,
+                    interpolant == Interpolant::fitted ? CornerScale::kept : CornerScale::one);
   layout.positions = std::move(positions);
   const std::vector<float> support = supportRadii(layout.influence, pieces, layout.positions, given);
   std::vector<float> bias = meanNeighbourDistances(layout.positions);

@@ -21,7 +21,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kFormat = "probelab layout 1";
+constexpr const char* kFormat = "probelab layout 2";
 constexpr uint64_t kMostPoints = uint64_t{1} << 28;  // of a lattice or a grid of corners
 constexpr double kLargestFloat = std::numeric_limits<float>::max();
 
@@ -431,7 +431,8 @@ ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene) {
        "asked", "seed", "evaluations", "build_s", "interpolant", "bounds", "bias_length_m",
        "support_radius_m", "lattice", "influence", "probes"});
   if (root.text("format") != kFormat)
-    throwInput("{}: 'format' is '{}', must be '{}'", file, root.text("format"), kFormat);
+    throwInput("{}: 'format' is '{}', must be '{}'; 'probelab place' makes the layout anew", file,
+               root.text("format"), kFormat);
   checkBelongs(root, scene);
   for (const char* name : {"version", "scene_hash"}) root.text(name);
   ProbeLayout layout;

@@ -100,7 +100,7 @@ Measurement partition(Workbench&, const CaseVariant& variant) {
 }
 
 // What the weights are, not only that they add up: those of the k nearest are their kernel's, and
-// the others' meet in the point itself, up to the rounding of every weight to 1 / 255. Largest
+// the others' meet in the point itself, up to the rounding of every weight's root to 1 / 128. Largest
 // distance of the weighted mean of the probes' places from the point, over what rounding may do.
 double meetingError(const ProbeLayout& layout) {
   double worst = 0;
@@ -112,7 +112,8 @@ double meetingError(const ProbeLayout& layout) {
       const Vec3d away = Vec3d(layout.positions[w.probe]) - Vec3d(at.position);
       mean += away * static_cast<double>(w.weight);
       sum += static_cast<double>(w.weight);
-      allowed += length(away) * 0.5 / 255;
+      const double root = std::sqrt(static_cast<double>(w.weight));
+      allowed += length(away) * (root + 0.25 / PL_WEIGHT_ONE) / PL_WEIGHT_ONE;
     }
     worst = larger(worst, length(mean) / sum / allowed);
   }

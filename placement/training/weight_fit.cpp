@@ -183,7 +183,7 @@ CornerWeights cornerWeights(const InfluenceGrid& grid) {
             ((z + (i >> 2)) * corners.y + y + ((i >> 1) & 1)) * corners.x + x + (i & 1);
         std::vector<CornerWeight>& list = weights[static_cast<std::size_t>(corner)];
         if (std::ranges::none_of(list, [&](const auto& w) { return w.probe == entry.probe; }))
-          list.push_back({entry.probe, static_cast<float>(weight)});
+          list.push_back({entry.probe, byteWeight(weight)});
       }
   }
   return weights;

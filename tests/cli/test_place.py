@@ -423,7 +423,7 @@ class Refusals(PlaceTest):
             return changed(lambda d: d["influence"].__setitem__(name, value))
 
         for damaged in (
-                "", "[]", text[:len(text) // 2], text.replace("probelab layout 1", "layout 9"),
+                "", "[]", text[:len(text) // 2], text.replace("probelab layout 2", "layout 9"),
                 changed(lambda d: d.pop("probes")), changed(lambda d: d.update(probes=[])),
                 changed(lambda d: d["probes"][0].update(position=[0, 1])),
                 changed(lambda d: d["probes"][0].update(position=[0, "1", 0])),

@@ -394,10 +394,11 @@ PL_FIELD_FUNCTION QueryResult PL_OF_T queryLattice(PL_FIELD_PARAM QueryParams PL
 #endif
 
 #if PL_HAS_SCATTERED
-// Four bytes of an entry against the trilinear weights of their corners.
+// Squares of an entry's four bytes against the trilinear weights of their corners.
 PL_FUNCTION REAL weighBytes(VEC4 corners, uint bytes) {
-  return dot(corners, VEC4(REAL(int(bytes & 255u)), REAL(int((bytes >> 8) & 255u)),
-                           REAL(int((bytes >> 16) & 255u)), REAL(int(bytes >> 24))));
+  VEC4 roots = VEC4(REAL(int(bytes & 255u)), REAL(int((bytes >> 8) & 255u)),
+                    REAL(int((bytes >> 16) & 255u)), REAL(int(bytes >> 24)));
+  return dot(corners * roots, roots);
 }
 
 // The voxel of the cell, or its piece on the side of the wall where the biased point is.
@@ -420,7 +421,7 @@ PL_FIELD_FUNCTION QueryResult PL_OF_T queryScattered(PL_FIELD_PARAM QueryParams 
   VEC3 high = cell.coordinate - VEC3(REAL(cell.x), REAL(cell.y), REAL(cell.z));
   VEC3 low = VEC3(REAL(1)) - high;
   VEC4 layer = VEC4(low.x * low.y, high.x * low.y, low.x * high.y, high.x * high.y) *
-               REAL(1.0 / 255.0);
+               REAL(1.0 / (PL_WEIGHT_ONE * PL_WEIGHT_ONE));
   int voxel = voxelPiece(PL_FIELD_ARG modes, lattice, cell);
   uint end = PL_FETCH_VOXEL_BEGIN(voxel + 1);
   for (uint e = PL_FETCH_VOXEL_BEGIN(voxel); e < end; ++e) {

@@ -86,8 +86,9 @@ struct LatticeShape {
   int border;  // texels around the interior as stored, 0 or 1
 };
 
-// A probe in one voxel: its weight at the voxel's corners x + 2 y + 4 z in units of 1/255, a byte
-// each, the first one lowest.
+// A probe in one voxel: a byte for its weight at each of the voxel's corners x + 2 y + 4 z, the first
+// one lowest; a weight is (byte / PL_WEIGHT_ONE)^2.
+#define PL_WEIGHT_ONE 128.0
 struct VoxelEntry {
   PL_UINT probe;
   PL_UINT weights_low;   // corners 0 to 3

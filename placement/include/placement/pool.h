@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Candidates that a set of probes should make superfluous: places of all of the free space, many
-// near walls, where a probe is baked and looked at in one direction. They read no receiver: train
-// receivers lie in half of the blocks of space only, and a set that is judged by them alone leaves
-// the other half to chance.
+// Candidates that a set of probes should make superfluous: places of all of the free space, most of
+// them before a wall, where a probe is baked and looked at in one direction, the wall's own: what is
+// right there is what a query at the wall should say. They read no receiver: train receivers lie in
+// half of the blocks of space only, and a set that is judged by them alone leaves the other half to
+// chance.
 #pragma once
 
 #include "placement/probe_bake.h"

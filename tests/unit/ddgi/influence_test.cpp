@@ -10,7 +10,7 @@ namespace {
 
 const Box3f kBox{Vec3f(0), Vec3f(4, 3, 2)};
 
-// Weight of a probe at a corner, as each voxel around it says.
+// A probe's byte at a corner, as each voxel around it says.
 std::vector<int> bytesAt(const InfluenceGrid& grid, const Vec3i& corner, uint32_t probe) {
   std::vector<int> bytes;
   const Vec3i n = grid.voxels();
@@ -29,17 +29,40 @@ std::vector<int> bytesAt(const InfluenceGrid& grid, const Vec3i& corner, uint32_
 TEST(Influence, CornersAreScaledToOneAndRoundedAlikeInAllTheirVoxels) {
   const Lattice corners = makeLattice(kBox, Vec3i(3, 3, 3));
   CornerWeights weights(27, {{1, 2.0f}});
-  weights[13] = {{2, 0.6f}, {0, 1.2f}, {2, 0.2f}, {3, 0.0f}};  // the middle one: 0.4 and 0.6
+  // The middle one: 0.4 and 0.6, whose roots are 80.95 and 99.15 in units of 1 / 128.
+  weights[13] = {{2, 0.6f}, {0, 1.2f}, {2, 0.2f}, {3, 0.0f}};
   const std::vector<Vec3f> positions(4, Vec3f(1));
   const InfluenceGrid grid = makeInfluence(corners, weights, positions);
   EXPECT_EQ(grid.voxel_begin.size(), 9u);
-  EXPECT_EQ(bytesAt(grid, Vec3i(1, 1, 1), 2), std::vector<int>(8, 102));
-  EXPECT_EQ(bytesAt(grid, Vec3i(1, 1, 1), 0), std::vector<int>(8, 153));
+  EXPECT_EQ(bytesAt(grid, Vec3i(1, 1, 1), 2), std::vector<int>(8, 81));
+  EXPECT_EQ(bytesAt(grid, Vec3i(1, 1, 1), 0), std::vector<int>(8, 99));
   EXPECT_EQ(bytesAt(grid, Vec3i(1, 1, 1), 1), std::vector<int>(8, 0));
-  EXPECT_EQ(bytesAt(grid, Vec3i(0, 2, 1), 1), std::vector<int>(2, 255));
+  EXPECT_EQ(bytesAt(grid, Vec3i(0, 2, 1), 1), std::vector<int>(2, 128));
   for (const InfluenceEntry& entry : grid.entries) EXPECT_NE(entry.probe, 3u);
   EXPECT_NO_THROW(validateInfluence(grid, 4, "test"));
   EXPECT_EQ(influenceBytes(grid), 9u * 4 + grid.entries.size() * 12);
+}
+
+TEST(Influence, AFitsCornersKeepWhatTheyWeighAgainstEachOther) {
+  const Lattice corners = makeLattice(kBox, Vec3i(2, 2, 2));
+  CornerWeights weights(8);
+  for (std::size_t k = 0; k < 8; ++k)  // 2 at x = 0, half a unit at x = 4
+    weights[k] = k % 2 == 0 ? std::vector<CornerWeight>{{0, 1.5f}, {1, 0.5f}}
+                            : std::vector<CornerWeight>{{1, 0.5f}};
+  const std::vector<Vec3f> positions(2, Vec3f(1));
+  const InfluenceGrid kept = makeInfluence(corners, weights, positions, {}, CornerScale::kept);
+  ASSERT_EQ(kept.entries.size(), 2u);
+  EXPECT_NEAR(byteWeight(kept.entries[0].weights[0]), 1.5, 0.01);
+  EXPECT_NEAR(byteWeight(kept.entries[1].weights[0]), 0.5, 0.006);
+  EXPECT_NEAR(byteWeight(kept.entries[1].weights[1]), 0.5, 0.006);
+  const InfluenceGrid one = makeInfluence(corners, weights, positions);
+  EXPECT_NEAR(byteWeight(one.entries[0].weights[0]), 0.75, 0.007);
+  EXPECT_EQ(one.entries[1].weights[1], 128);
+  // What no byte can hold takes its corner down.
+  weights[0] = {{0, 39.0f}, {1, 10.0f}};
+  const InfluenceGrid held = makeInfluence(corners, weights, positions, {}, CornerScale::kept);
+  EXPECT_NEAR(byteWeight(held.entries[0].weights[0]), 3.9, 0.02);
+  EXPECT_NEAR(byteWeight(held.entries[1].weights[0]), 1.0, 0.01);
 }
 
 TEST(Influence, TheLargestWeightStaysWhereAllRoundToNothing) {
@@ -50,7 +73,7 @@ TEST(Influence, TheLargestWeightStaysWhereAllRoundToNothing) {
       makeInfluence(corners, CornerWeights(8, many), std::vector<Vec3f>(1000, Vec3f(1)));
   ASSERT_EQ(grid.entries.size(), 1u);
   EXPECT_EQ(grid.entries[0].probe, 700u);
-  EXPECT_EQ(grid.entries[0].weights, (std::array<uint8_t, 8>{1, 1, 1, 1, 1, 1, 1, 1}));
+  EXPECT_EQ(grid.entries[0].weights, (std::array<uint8_t, 8>{4, 4, 4, 4, 4, 4, 4, 4}));
 }
 
 // Along a row of corners with probes at its ends: rings meet in the middle.
@@ -61,11 +84,11 @@ TEST(Influence, EmptyCornersTakeTheMeanOfTheirNeighbours) {
   for (const int at : {4, 10, 16, 22}) weights[static_cast<std::size_t>(at)] = {{1, 1.0f}};
   const InfluenceGrid grid = makeInfluence(corners, weights, {Vec3f(0), Vec3f(3, 0, 0)});
   for (const int y : {0, 1}) {
-    EXPECT_EQ(bytesAt(grid, Vec3i(1, y, 0), 0).front(), 255);
-    EXPECT_EQ(bytesAt(grid, Vec3i(3, y, 0), 1).front(), 255);
-    EXPECT_EQ(bytesAt(grid, Vec3i(5, y, 1), 1).front(), 255);
+    EXPECT_EQ(bytesAt(grid, Vec3i(1, y, 0), 0).front(), 128);
+    EXPECT_EQ(bytesAt(grid, Vec3i(3, y, 0), 1).front(), 128);
+    EXPECT_EQ(bytesAt(grid, Vec3i(5, y, 1), 1).front(), 128);
     for (const uint32_t probe : {0u, 1u})
-      EXPECT_NEAR(bytesAt(grid, Vec3i(2, y, 1), probe).front(), 127.5, 0.6);
+      EXPECT_EQ(bytesAt(grid, Vec3i(2, y, 1), probe).front(), 91);  // 128 sqrt(1 / 2)
   }
   EXPECT_EQ(grid.nearest, (std::vector<int32_t>{0, 0, 1, 1, 1}));
 }

@@ -183,7 +183,7 @@ TEST_F(LayoutFile, WhatDoesNotFitIsRefusedByName) {
     const char *from, *to, *message;
   };
   const Damage damages[] = {
-      {"probelab layout 1", "probelab layout 2", "'format'"},
+      {"probelab layout 2", "probelab layout 1", "'format'"},
       {"\"asked\": 32", "\"asked\": -1", "'asked'"},
       {"\"asked\": 32", "\"asked\": 32.5", "'asked'"},
       {"\"asked\": 32", "\"asked\": \"32\"", "'asked'"},

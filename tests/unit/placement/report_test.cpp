@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "placement/grid.h"
@@ -79,8 +80,9 @@ TEST(WeightsAt, OfScatteredProbesSumToOne) {
       EXPECT_GT(w.weight, 0);
       sum += static_cast<double>(w.weight);
     }
-    // Each corner's bytes sum to 255 but for the rounding of its at most 8 probes.
-    EXPECT_NEAR(sum, 1, 4.5 / 255);
+    // Each corner's sum is 1 but for the rounding of the roots of its at most 8 weights to 1 / 128,
+    // sqrt(w) / 128 each.
+    EXPECT_NEAR(sum, 1, std::sqrt(8.0) / 128);
   }
 }
 

@@ -66,7 +66,8 @@ std::map<uint32_t, double> sharesAt(const InfluenceGrid& grid, const Vec3f& p) {
   for (uint32_t e = grid.voxel_begin[at.piece]; e < grid.voxel_begin[at.piece + 1]; ++e) {
     double share = 0;
     for (std::size_t k = 0; k < 8; ++k)
-      share += static_cast<double>(at.share[k]) * grid.entries[e].weights[k];
+      share += static_cast<double>(at.share[k]) *
+               static_cast<double>(byteWeight(grid.entries[e].weights[k]));
     if (share > 0) sum += shares[grid.entries[e].probe] = share;
   }
   for (auto& [probe, share] : shares) share /= sum;

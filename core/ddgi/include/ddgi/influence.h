@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "base/vec.h"
+#include "shared/query_params.h"
 
 namespace probelab {
 
@@ -39,7 +40,14 @@ struct CornerWeight {
 // [corner of the grid]: the probes that count there; empty where no query can come from.
 using CornerWeights = std::vector<std::vector<CornerWeight>>;
 
-// A probe in one voxel: its weight at the voxel's corners in units of 1/255, corner x + 2 y + 4 z.
+// A probe in one voxel: a byte for its weight at each of the voxel's corners x + 2 y + 4 z, 0 where
+// it has none. Weights are squares, (byte / PL_WEIGHT_ONE)^2: small ones keep their digits, 1 is
+// exact, and a corner may weigh some four times as much as its neighbours.
+inline float byteWeight(uint8_t byte) {
+  const float root = static_cast<float>(byte) / static_cast<float>(PL_WEIGHT_ONE);
+  return root * root;
+}
+uint8_t weightByte(float weight);  // of a positive weight; 255 at most
 struct InfluenceEntry {
   uint32_t probe = 0;
   std::array<uint8_t, 8> weights{};
@@ -76,13 +84,19 @@ VoxelPlace voxelAt(const Lattice& corners, const VoxelPieces& pieces, const Vec3
 // Corner k of a voxel (x + 2 y + 4 z) in the grid of corners.
 std::size_t voxelCorner(const Lattice& corners, std::size_t voxel, int k);
 
-// Corner weights, scaled so that each corner's sum is 1 (the query divides by the sum of weights
-// anyway) and rounded; every corner keeps at least its largest. A corner without probes takes the
-// mean of its neighbours', again and again, so that no voxel is empty. `nearest` is the probe
-// nearest to the voxel's middle among its entries. Throws InputError when no corner has a probe.
-// With `pieces` lists beyond those of the corners must not be empty.
+// The query divides by the sum of weights, but between corners the larger sum counts more: `one`
+// scales each corner's sum to 1, `kept` leaves what a fit gave them (weights above 3.9 take their
+// corner down with them).
+enum class CornerScale { one, kept };
+
+// The index of corner weights, rounded; what is below 1/510 of a corner's sum is left out, but the
+// largest stays. A corner without probes takes the mean of its neighbours', again and again, so that
+// no voxel is empty. `nearest` is the probe nearest to the voxel's middle among its entries. Throws
+// InputError when no corner has a probe. With `pieces` lists beyond those of the corners must not be
+// empty.
 InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
-                            const std::vector<Vec3f>& positions, VoxelPieces pieces = {});
+                            const std::vector<Vec3f>& positions, VoxelPieces pieces = {},
+                            CornerScale scale = CornerScale::one);
 
 // The same without the probes that are not active; `nearest` becomes an active one wherever there
 // is any.
