@@ -51,12 +51,14 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
   Receivers receivers;
   receivers.points = data.receivers;
   DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}, {}};
-  for (std::size_t l = 0; l < data.stateCount(); ++l)
-    if (data.power[l] > 0)
-      score.lights.push_back(
-          {data.patches->lighting()[l].name, errorUnder(data, estimates, l, receivers)});
+  for (std::size_t l = 0; l < data.stateCount(); ++l) {
+    const Lighting& light = data.patches->lighting()[l];
+    if (light.own || !(data.power[l] > 0)) continue;  // own: of a scene without train states
+    score.lights.push_back({light.name, errorUnder(data, estimates, l, receivers)});
+  }
   if (score.lights.empty())
-    throwInput("--drawn-lights: no light that was drawn reaches a receiver of {}", of.scene.path);
+    throwInput("--drawn-lights: no indirect light of those that were drawn reaches a receiver of {}",
+               of.scene.path);
   score.reading = boundReading(data, layout, params, bake, estimates);
   return score;
 }

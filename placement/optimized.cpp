@@ -6,9 +6,11 @@
 #include "placement/optimized.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 
+#include "base/error.h"
 #include "base/rng.h"
 #include "placement/distance.h"
 #include "placement/lattices.h"
@@ -24,6 +26,53 @@ namespace {
 constexpr int kNeighbours = 12;           // that the search looks at
 constexpr float kSupportSpacings = 2.2f;  // typical support radius over the spacing
 constexpr float kReachSpacings = 3.0f;    // beyond, a new probe counts only where there is none
+constexpr int64_t kMostPool = 4'000'000;
+
+struct OptimizedOptions {
+  bool own_only = false, check = true, sparse_start = false;
+  int generated = 0;         // lighting states
+  double wall_gap = 0;       // between moved probes and surfaces, mean spacings
+  int pool = 0;              // candidates a probe
+  int pool_least = 0;
+  double pool_share = 0;
+  double relative = 0, coverage = 0, covered = 0;
+  float sharpness = 0;
+  SearchSettings search;
+  FitSettings fit;
+};
+
+// A probe beside a wall sees mostly what one lamp does to that wall: good where the lamp is known,
+// bad for a whole room where it is another.
+double wallGap(const PlacementInput& input, bool own_only) {
+  const std::string& text = input.options.at("wall_gap");
+  if (text == "auto") return own_only ? 0.02 : 0.1;
+  if (text.empty() || std::isalpha(static_cast<unsigned char>(text[0])))
+    throwInput("--option wall_gap={}: auto or a number from 0 to 0.4 is needed", text);
+  return numberOption(input, "wall_gap", 0, 0.4);
+}
+
+// All of them, those that are used at the very end too: a search takes minutes.
+OptimizedOptions readOptimized(const PlacementInput& input) {
+  checkScatteredOptions(input);
+  OptimizedOptions o;
+  o.own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
+  o.check = choiceOption(input, "check", {"on", "off"}) == 0;
+  o.sparse_start = choiceOption(input, "start", {"best", "sparse"}) == 1;
+  o.generated = integerOption(input, "generated", 0, static_cast<int>(kMostStates));
+  o.wall_gap = wallGap(input, o.own_only);
+  o.pool = integerOption(input, "pool", 0, 1000);
+  o.pool_least = integerOption(input, "pool_least", 0, 1000000);
+  o.pool_share = numberOption(input, "pool_share", 0, 1);
+  o.relative = numberOption(input, "relative", 0, 1);
+  o.coverage = numberOption(input, "coverage", 0, 1e6);
+  o.covered = numberOption(input, "covered", 0.1, 10);
+  o.sharpness = static_cast<float>(numberOption(input, "sharpness", 0.01, 100));
+  o.search.proposals_a_probe = numberOption(input, "proposals", 0, 1e6);
+  o.search.swap_share = numberOption(input, "swaps", 0, 1);
+  o.fit.iterations = integerOption(input, "fit", 0, 10000);
+  o.fit.stiffness = numberOption(input, "stiffness", 0, 1e6);
+  return o;
+}
 
 // States count by 1 / error^2 of the start, so that the sum falls as their geometric mean does;
 // `coverage` is in units of what the start's errors cost.
@@ -51,8 +100,8 @@ PlacementInput partOf(const PlacementInput& input, double from, double to) {
 
 // The best lattice there is, sparse or not, relocated or not; or a sparse one that nobody has
 // scored. Its evaluations are those of both lattices' searches, whether they ran now or before.
-ProbeLayout startLayout(const PlacementInput& input) {
-  if (choiceOption(input, "start", {"best", "sparse"}) == 1) return bestSparseLattice(input, false);
+ProbeLayout startLayout(const PlacementInput& input, bool sparse) {
+  if (sparse) return bestSparseLattice(input, false);
   const SceneDistance distance(*input.scene.geometry);
   std::vector<ProbeLayout> candidates = {
       otherLayout(kGridSparseStrategy.name, partOf(input, 0, 0.15)),
@@ -71,60 +120,49 @@ ProbeLayout startLayout(const PlacementInput& input) {
 }
 
 // What the search learns from: receivers and generated lights that nobody else has.
-TrainingSettings searchSettings(const PlacementInput& input, bool own_only) {
+TrainingSettings searchSettings(const PlacementInput& input, const OptimizedOptions& options) {
   TrainingSettings settings = input.training.settings();
-  const int lights = integerOption(input, "generated", 0, static_cast<int>(kMostStates));
-  settings.lights = own_only ? 0 : lights;
+  settings.lights = options.own_only ? 0 : options.generated;
   settings.seed = hashCounters(input.seed, RngStream::placement, 40);
   return settings;
 }
 
-// Mean spacings between moved probes and surfaces. A probe beside a wall sees mostly what one lamp
-// does to that wall: good where the lamp is known, bad for a whole room where it is another.
-double wallGap(const PlacementInput& input, bool own_only) {
-  if (input.options.at("wall_gap") == "auto") return own_only ? 0.02 : 0.1;
-  return numberOption(input, "wall_gap", 0, 0.4);
+// Throws InputError where there is nothing to learn from.
+void checkLit(const PlacementInput& input, const Training::Data& data) {
+  if (std::ranges::any_of(data.power, [](double power) { return power > 0; })) return;
+  throwInput("{}: optimized: no lighting state to train on lights a train receiver; add a light or a "
+             "train state, or let it generate some (lights=all, generated=60)",
+             input.scene.path);
 }
 
 ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
-                         const ProbeLayout& start, float wall_gap) {
-  const int pool = integerOption(input, "pool", 0, 1000);
-  const int pool_least = integerOption(input, "pool_least", 0, 1000000);
-  const double pool_share = numberOption(input, "pool_share", 0, 1);
-  const double relative = numberOption(input, "relative", 0, 1);
-  SearchSettings search;
-  search.proposals_a_probe = numberOption(input, "proposals", 0, 1e6);
-  search.swap_share = numberOption(input, "swaps", 0, 1);
-
-  FitSettings fit;
-  fit.iterations = integerOption(input, "fit", 0, 10000);
-  fit.stiffness = numberOption(input, "stiffness", 0, 1e6);
-
+                         const ProbeLayout& start, const OptimizedOptions& options) {
   const FreeSpace space(input);
   const SceneDistance distance(*input.scene.geometry);
   const auto spacing = static_cast<float>(space.spacing(input.probes));
+  SearchSettings search = options.search;
   search.probes = input.probes;
   search.spacing_m = spacing;
-  search.wall_gap_m = wall_gap * spacing;
+  search.wall_gap_m = static_cast<float>(options.wall_gap) * spacing;
   const SubsetSettings settings = {
       .neighbours = kNeighbours,
-      .sharpness = static_cast<float>(numberOption(input, "sharpness", 0.01, 100)),
+      .sharpness = options.sharpness,
       .bias_length_m = spacing,
       .largest_reach_m = kReachSpacings * spacing};
   const BakePlan plan = makeBakePlan(
       input.params, kSearchRays,
       static_cast<float>(input.params.distance_clamp) * kSupportSpacings * spacing, input.seed);
   JudgedPoints judged = trainPoints(data);
+  const int64_t pool = int64_t{options.pool} * input.probes;
   if (pool > 0)
     addPool(judged, data, plan,
-            {.points = std::max(pool * input.probes, pool_least),
-             .share = pool_share,
+            {.points = static_cast<int>(std::clamp<int64_t>(pool, options.pool_least, kMostPool)),
+             .share = options.pool_share,
              .spacing_m = spacing},
             input.seed);
   const Objective objective =
-      makeObjective(data, estimateLayout(data, start, input.params), relative,
-                    numberOption(input, "coverage", 0, 1e6),
-                    static_cast<float>(numberOption(input, "covered", 0.1, 10)) * spacing);
+      makeObjective(data, estimateLayout(data, start, input.params), options.relative,
+                    options.coverage, static_cast<float>(options.covered) * spacing);
   SubsetModel model(data, judged, input.params, plan, settings, objective);
   for (const BakedProbe& probe : bakeProbes(*data.patches, plan, start.positions)) model.add(probe);
   data.evaluations += searchPositions(model, data, plan, space, distance, search, input.seed,
@@ -132,26 +170,25 @@ ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
   const ScatteredWeights w = scatteredWeights(space, model.positions());
   ProbeLayout layout = scatteredLayout(w.interpolant, model.positions(), input.scene.bounds,
                                        w.corners, w.weights, w.pieces);
-  if (fit.iterations == 0) return layout;
+  if (options.fit.iterations == 0) return layout;
   // Without walls corners in solids have taken their neighbours' weights.
   const CornerWeights fitted =
       fitWeights(data, judged, layout, w.pieces.any() ? w.weights : cornerWeights(layout.influence),
-                 w.pieces, input.params, objective, fit);
+                 w.pieces, input.params, objective, options.fit);
   return scatteredLayout(Interpolant::fitted, layout.positions, input.scene.bounds, w.corners,
                          fitted, w.pieces);
 }
 
 ProbeLayout placeOptimized(const PlacementInput& input) {
-  const bool own_only = choiceOption(input, "lights", {"all", "own"}) == 1;
-  const bool check = choiceOption(input, "check", {"on", "off"}) == 0;
-  const auto wall_gap = static_cast<float>(wallGap(input, own_only));
-  const TrainingSettings settings = searchSettings(input, own_only);
-  const ProbeLayout start = startLayout(input);
+  const OptimizedOptions options = readOptimized(input);
+  Training training(input.scene, input.embree, input.reachability,
+                    searchSettings(input, options));
+  checkLit(input, training.data());
+  const ProbeLayout start = startLayout(input, options.sparse_start);
   const uint64_t before = input.training.evaluations();
-  Training training(input.scene, input.embree, input.reachability, settings);
-  ProbeLayout layout = searchLayout(input, training.data(), start, wall_gap);
-  if (check && input.training.score(start, input.params, own_only) <
-                   input.training.score(layout, input.params, own_only))
+  ProbeLayout layout = searchLayout(input, training.data(), start, options);
+  if (options.check && input.training.score(start, input.params, options.own_only) <
+                           input.training.score(layout, input.params, options.own_only))
     layout = start;
   layout.evaluations = start.evaluations + training.evaluations() + input.training.evaluations() -
                        before;

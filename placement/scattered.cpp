@@ -32,7 +32,34 @@ bool sameLattice(const Lattice& a, const Lattice& b) {
 
 std::string interpolantNames() { return fmt::format("{}", fmt::join(names(), " | ")); }
 
+// The options of `scatteredOptions`.
+struct ScatteredChoice {
+  Interpolant interpolant{};
+  CornerSettings settings;
+  double cells = 0;
+  bool walls = false;
+};
+
+ScatteredChoice readScattered(const PlacementInput& input) {
+  ScatteredChoice choice;
+  choice.interpolant =
+      kInterpolants[static_cast<std::size_t>(choiceOption(input, "interpolant", names()))];
+  const bool maxent = choice.interpolant == Interpolant::maxent;
+  CornerSettings& settings = choice.settings;
+  settings.k = integerOption(input, "k", 0, 64);
+  if (settings.k == 0) settings.k = maxent ? 16 : 8;
+  const double sharpness = numberOption(input, "sharpness", 0.01, 100);
+  if (maxent) settings.sharpness = sharpness;
+  settings.cutoff = numberOption(input, "cutoff", 0, 0.3);
+  settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
+  choice.cells = numberOption(input, "cells", 0.5, 8);
+  choice.walls = choiceOption(input, "walls", {"on", "off"}) == 0 && settings.visibility;
+  return choice;
+}
+
 }  // namespace
+
+void checkScatteredOptions(const PlacementInput& input) { readScattered(input); }
 
 std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
   own.push_back({"interpolant", "maxent", interpolantNames(),
@@ -55,19 +82,12 @@ std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own) {
 ScatteredWeights scatteredWeights(const FreeSpace& space, const std::vector<Vec3f>& positions,
                                   KnownWalls* known) {
   const PlacementInput& input = space.input();
+  const auto [interpolant, settings, cells, walls] = readScattered(input);
   ScatteredWeights result;
-  const Interpolant interpolant = result.interpolant =
-      kInterpolants[static_cast<std::size_t>(choiceOption(input, "interpolant", names()))];
-  CornerSettings settings;
-  settings.k = integerOption(input, "k", 0, 64);
-  if (settings.k == 0) settings.k = interpolant == Interpolant::maxent ? 16 : 8;
-  const double sharpness = numberOption(input, "sharpness", 0.01, 100);
-  if (interpolant == Interpolant::maxent) settings.sharpness = sharpness;
-  settings.cutoff = numberOption(input, "cutoff", 0, 0.3);
-  settings.visibility = choiceOption(input, "visibility", {"on", "off"}) == 0;
+  result.interpolant = interpolant;
   const double spacing_m = space.spacing(static_cast<int>(positions.size()));
-  const Lattice& corners = result.corners = influenceCorners(
-      influenceBox(input, spacing_m), spacing_m, numberOption(input, "cells", 0.5, 8));
+  const Lattice& corners = result.corners =
+      influenceCorners(influenceBox(input, spacing_m), spacing_m, cells);
   CornerWeights& weights = result.weights;
   if (interpolant == Interpolant::natural)
     weights = naturalWeights(corners, positions, space, settings);
@@ -77,7 +97,7 @@ ScatteredWeights scatteredWeights(const FreeSpace& space, const std::vector<Vec3
 #endif
   else
     weights = nearestWeights(corners, positions, space, settings);
-  if (choiceOption(input, "walls", {"on", "off"}) != 0 || !settings.visibility) return result;
+  if (!walls) return result;
   KnownWalls own;
   KnownWalls& found = known != nullptr ? *known : own;
   if (found.walls.viewpoints.empty() || !sameLattice(found.corners, corners))

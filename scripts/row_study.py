@@ -110,7 +110,7 @@ def arguments(name, about, parts):
     parser.add_argument("--seeds", help="only these seeds, 1,2")
     parser.add_argument("--probes", help="these budgets, 128,512")
     parser.add_argument("--report", action="store_true",
-                        help="run nothing: the tables from the results that are there")
+                        help="run nothing: the tables from all results that are there")
     parser.add_argument("--publish", type=pathlib.Path, nargs="?", metavar="DIR",
                         const=ROOT / f"results/published/{name}",
                         help=f"copy report, figures, rows (default: results/published/{name})")
@@ -160,11 +160,18 @@ def narrow(study, options, parser):
     """The study without the scenes, seeds and budgets that the options leave out."""
     study = dict(study)
     study["scenes"] = chosen(options.scenes, study["scenes"], "scenes", parser)
-    if options.seeds:
-        study["seeds"] = [int(s) for s in options.seeds.split(",")]
-    if options.probes:
-        study["probes"] = [int(n) for n in options.probes.split(",")]
+    for name in ("seeds", "probes"):
+        if text := getattr(options, name):
+            study[name] = whole_numbers(text, name, parser)
     return study
+
+
+def whole_numbers(text, what, parser):
+    words = text.split(",")
+    for word in words:
+        if not (word.isascii() and word.isdigit() and int(word) > 0):
+            parser.error(f"--{what}: '{word}' is no whole number above 0")
+    return [int(word) for word in words]
 
 
 def publish(folder, target, files):

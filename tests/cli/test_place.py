@@ -377,8 +377,29 @@ class Refusals(PlaceTest):
         result = self.run_program("place", "black.glb", "--probes", 8, "-o", "kept.json",
                                   "--drawn-lights", 3, "--quiet")
         self.assertEqual(result.returncode, 2, result.stderr)
-        self.assertIn("no light that was drawn reaches a receiver of black.glb", result.stderr)
+        self.assertIn("no indirect light of those that were drawn reaches a receiver of black.glb",
+                      result.stderr)
         self.assertEqual(len(self.positions("kept.json")), 8)
+
+    def test_a_scene_of_heldout_states_is_scored_under_drawn_lights_alone(self):
+        (self.folder / "late.toml").write_text(
+            'gltf = "room.glb"\n'
+            '[[light]]\nname = "lamp"\ntype = "point"\nposition = [0, 2, 0]\nintensity = 3\n'
+            '[[state]]\nname = "on"\nsplit = "heldout"\n')
+        drawn = self.run_json("place", "late.toml", "--probes", 8, "-o", "late.json",
+                              "--drawn-lights", 3)["drawn_lights"]
+        self.assertEqual([light["kind"] for light in drawn["each"]], ["lamp"] * 3)
+
+    def test_optimized_refuses_at_once(self):
+        """What a search of minutes would find out at its end."""
+        for option in ("cells=9", "cells=nan", "cutoff=0.31", "pool=-1", "fit=1.5", "k=1.5",
+                       "wall_gap=Auto", "interpolant=none"):
+            self.refuse("--strategy", "optimized", "--option", option, words=(option,))
+        write_glb(self.folder / "dark.glb")
+        result = self.run_program("place", "dark.glb", "--probes", 8, "--strategy", "optimized",
+                                  "--option", "lights=own", "-o", "dark.json")
+        self.assertEqual(result.returncode, 2, result.stderr)
+        self.assertIn("no lighting state to train on lights a train receiver", result.stderr)
 
     def test_a_search_needs_train_receivers(self):
         (self.folder / "points.csv").write_text("0,1,0,0,1,0\n")

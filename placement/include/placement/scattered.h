@@ -9,8 +9,12 @@
 
 namespace probelab {
 
-// interpolant, k, sharpness, visibility, walls and cells, to be put behind a strategy's own options.
+// interpolant, k, sharpness, cutoff, visibility, walls and cells, to be put behind a strategy's own
+// options.
 std::vector<StrategyOption> scatteredOptions(std::vector<StrategyOption> own = {});
+
+// Throws InputError for a bad one, before anything takes time.
+void checkScatteredOptions(const PlacementInput& input);
 
 // What these probes weigh, as the options of `scatteredOptions` in the input say.
 struct ScatteredWeights {

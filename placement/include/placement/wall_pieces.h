@@ -18,9 +18,9 @@ struct WallPieces {
 };
 
 // Each voxel is looked at through a sample of the usable places in it, also a thousandth of its edge
-// inside its faces. Those that see each other, directly or by way of others, belong together. Two groups are two pieces if the plane of a
-// surface between them separates them; more groups, or groups that no plane separates, stay one
-// piece. Pieces on both sides of a voxel's face go together where a place of one sees a place of
+// inside its faces. Those that see each other, directly or by way of others, belong together. Two
+// groups are two pieces if the plane of a surface between them separates them; more groups, or
+// groups that no plane separates, stay one piece. Pieces on both sides of a voxel's face go together where a place of one sees a place of
 // the other: at the face's corners they share their lists of weights, so weights are continuous
 // wherever there is a way through that the samples find (gaps below a quarter of a voxel may be
 // missed). Parallel; the same grid and scene give the same pieces.

@@ -26,8 +26,7 @@ JudgedPoints trainPoints(const Training::Data& data);
 // the error of the irradiance E, and power and mean of the state's truth.
 //
 // Light that nobody trained on may fall anywhere, so gaps cost too, where `coverage` is above 0:
-// area
-// * coverage * max(0, d / covered_m - 1)^2, d the distance of the 4th nearest visible probe.
+// area * coverage * max(0, d / covered_m - 1)^2, d the distance of the 4th nearest visible probe.
 struct Objective {
   std::vector<double> state_weights;  // [state], sum 1
   double relative = 0;
