@@ -155,7 +155,7 @@ ProbeLayout searchLayout(const PlacementInput& input, Training::Data& data,
   JudgedPoints judged = trainPoints(data);
   const int64_t pool = int64_t{options.pool} * input.probes;
   if (pool > 0)
-    addPool(judged, data, plan,
+    addPool(judged, data,
             {.points = static_cast<int>(std::clamp<int64_t>(pool, options.pool_least, kMostPool)),
              .share = options.pool_share,
              .spacing_m = spacing},
@@ -215,7 +215,7 @@ const Strategy kOptimizedStrategy = {
         {"pool_least", "16000", "0 .. 1e6", "as many at least, however few the probes"},
         {"pool_share", "0.7", "0 .. 1", "their share of the cost; train receivers have the rest"},
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
-        {"stiffness", "0.2", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
+        {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},
         {"relative", "0.3", "0 .. 1", "share of relative error in the cost, for dark places"},
         {"check", "on", "on | off",
          "keep the start where other lights of its kind say that it is better"},

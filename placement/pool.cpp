@@ -8,6 +8,7 @@
 namespace probelab {
 namespace {
 
+constexpr uint64_t kFirstStream = 1 << 24;  // of random numbers, beyond those of receivers
 constexpr float kOffWall = 0.02f;  // of the spacing, where candidates stand before a wall
 
 // A place of free space before a wall that looks as the wall does, or anywhere with any direction.
@@ -27,31 +28,22 @@ Receiver poolPoint(const Training::Data& data, const Receiver& from, float spaci
 
 }  // namespace
 
-void addPool(JudgedPoints& judged, const Training::Data& data, const BakePlan& plan,
-             const PoolSettings& settings, uint64_t seed) {
+void addPool(JudgedPoints& judged, const Training::Data& data, const PoolSettings& settings,
+             uint64_t seed) {
   const Receivers places = generateReceivers(data.scene, data.embree, data.reachability,
                                              static_cast<uint32_t>(settings.points),
                                              hashCounters(seed, RngStream::placement, 30));
   std::vector<Receiver> points;
-  std::vector<Vec3f> positions;
   double area = 0;
   for (const Receiver& place : places.points) {
     points.push_back(poolPoint(data, place, settings.spacing_m));
-    positions.push_back(points.back().position);
     area += place.area;
   }
-  const std::vector<BakedProbe> baked = bakeProbes(*data.patches, plan, positions);
-  const std::size_t states = data.stateCount();
-  QueryModes linear{};
-  linear.average = PL_AVERAGE_LINEAR;  // the mean itself, not its root
+  const std::vector<float> truth = gatherTruth(data, points, kFirstStream);
   for (Receiver& r : judged.points) r.area *= 1 - settings.share;
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    points[i].area *= settings.share / area;
-    judged.points.push_back(points[i]);
-    judged.truth.resize(judged.truth.size() + states);
-    queryValues(linear, plan.irradiance_texels, states, points[i].normal, baked[i],
-                &judged.truth[judged.truth.size() - states]);
-  }
+  for (Receiver& point : points) point.area *= settings.share / area;
+  judged.points.insert(judged.points.end(), points.begin(), points.end());
+  judged.truth.insert(judged.truth.end(), truth.begin(), truth.end());
 }
 
 }  // namespace probelab

@@ -54,39 +54,6 @@ std::vector<Receiver> trainReceivers(const Training::Data& data) {
   return train;
 }
 
-void traceTruth(Training::Data& data) {
-  const std::size_t states = data.patches->stateCount();
-  const int rays_each = data.settings.receiver_rays;
-  const auto row = static_cast<std::size_t>(rays_each);
-  data.truth.assign(data.receivers.size() * states, 0.0f);
-  for (std::size_t first = 0; first < data.receivers.size(); first += kChunk) {
-    throwIfInterrupted();
-    const std::size_t count = std::min(kChunk, data.receivers.size() - first);
-    const auto part = std::span<const Receiver>(data.receivers).subspan(first, count);
-    const std::vector<Ray> rays = receiverRays(data, part, first, rays_each);
-    std::vector<RaySample> samples(rays.size());
-    data.patches->trace(rays, samples);
-    parallelFor(count, 64, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        const std::span<float> sum = std::span(data.truth).subspan((first + i) * states, states);
-        for (std::size_t k = 0; k < row; ++k) {
-          const RaySample& sample = samples[i * row + k];
-          const float cosine = dot(part[i].normal, rays[i * row + k].direction);
-          data.patches->addRadiance(
-              sample, 1.0f / static_cast<float>(rays_each),
-              PatchCache::emitterShare(sample, cosine, kReceiverEmitterSamples, rays_each),
-              sum);
-        }
-        Rng rng(data.settings.seed, RngStream::placement, 5, first + i);
-        const Vec3f e =
-            data.patches->emitted(rays[i * row].origin, part[i].normal, part[i].normal,
-                                  kReceiverEmitterSamples, rays_each, rng);
-        for (float& v : sum) v += luminance(e) / kPi;
-      }
-    });
-  }
-}
-
 void normalise(Training::Data& data) {
   const std::size_t states = data.patches->stateCount();
   data.power.assign(states, 0.0);
@@ -114,7 +81,7 @@ void traceTraining(Training::Data& data) {
                         .lamps_each = data.settings.lamps_each,
                         .seed = data.settings.seed}),
       startRays(data), data.settings.seed);
-  traceTruth(data);
+  data.truth = gatherTruth(data, data.receivers, 0);
   normalise(data);
 }
 
@@ -144,6 +111,41 @@ Training::Data& Training::data() {
 
 uint64_t Training::evaluations() const { return data_->evaluations; }
 const TrainingSettings& Training::settings() const { return data_->settings; }
+
+std::vector<float> gatherTruth(const Training::Data& data, std::span<const Receiver> points,
+                               uint64_t first_stream) {
+  const std::size_t states = data.patches->stateCount();
+  const int rays_each = data.settings.receiver_rays;
+  const auto row = static_cast<std::size_t>(rays_each);
+  std::vector<float> truth(points.size() * states, 0.0f);
+  for (std::size_t first = 0; first < points.size(); first += kChunk) {
+    throwIfInterrupted();
+    const std::size_t count = std::min(kChunk, points.size() - first);
+    const auto part = points.subspan(first, count);
+    const std::vector<Ray> rays = receiverRays(data, part, first_stream + first, rays_each);
+    std::vector<RaySample> samples(rays.size());
+    data.patches->trace(rays, samples);
+    parallelFor(count, 64, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        const std::span<float> sum = std::span(truth).subspan((first + i) * states, states);
+        for (std::size_t k = 0; k < row; ++k) {
+          const RaySample& sample = samples[i * row + k];
+          const float cosine = dot(part[i].normal, rays[i * row + k].direction);
+          data.patches->addRadiance(
+              sample, 1.0f / static_cast<float>(rays_each),
+              PatchCache::emitterShare(sample, cosine, kReceiverEmitterSamples, rays_each),
+              sum);
+        }
+        Rng rng(data.settings.seed, RngStream::placement, 5, first_stream + first + i);
+        const Vec3f e =
+            data.patches->emitted(rays[i * row].origin, part[i].normal, part[i].normal,
+                                  kReceiverEmitterSamples, rays_each, rng);
+        for (float& v : sum) v += luminance(e) / kPi;
+      }
+    });
+  }
+  return truth;
+}
 
 std::vector<float> estimateLayout(const Training::Data& data, const ProbeLayout& layout,
                                   const Params& params) {

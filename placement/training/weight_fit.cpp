@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
+#include <span>
 
 #include "base/interrupt.h"
 #include "base/parallel.h"
@@ -12,6 +14,7 @@ namespace probelab {
 namespace {
 
 constexpr std::size_t kParts = 16;  // of the points; each sums a gradient of its own, in order
+constexpr double kMostCost = 10;    // of a point at the start, times the mean
 // Adam (Kingma and Ba 2015).
 constexpr double kRate = 0.08, kFirst = 0.9, kSecond = 0.99, kTiny = 1e-12;
 
@@ -99,9 +102,9 @@ Problem makeProblem(const Training::Data& data, const JudgedPoints& judged,
   return problem;
 }
 
-// Cost of one point; adds its gradient by the logarithms of the unknowns.
+// Cost of one point; adds its gradient by the logarithms of the unknowns, unless that is empty.
 double pointCost(const Problem& problem, std::size_t r, const std::vector<double>& unknowns,
-                 std::vector<double>& gradient) {
+                 std::span<double> gradient) {
   const std::size_t states = problem.states;
   std::array<double, kMostStates> mean{}, slope{};
   std::array<double, 256> weight;
@@ -130,7 +133,7 @@ double pointCost(const Problem& problem, std::size_t r, const std::vector<double
     cost += k * d * d;
     slope[l] = 2 * k * d * (problem.squared ? 2 * mean[l] : 1) / total;
   }
-  for (uint32_t i = 0; i < count; ++i) {
+  for (uint32_t i = 0; i < count && !gradient.empty(); ++i) {
     const Link& link = problem.links[begin + i];
     double by_weight = 0;
     for (std::size_t l = 0; l < states; ++l)
@@ -143,6 +146,23 @@ double pointCost(const Problem& problem, std::size_t r, const std::vector<double
     }
   }
   return cost;
+}
+
+// A place that looks into a lamp near by costs as much as thousands of others, and no weights can
+// mend it: they would follow it, and be worse around it. So no point weighs more than kMostCost
+// times the mean at the start.
+void capPoints(Problem& problem, const std::vector<double>& start) {
+  const std::size_t points = problem.link_begin.size() - 1;
+  std::vector<double> costs(points);
+  parallelFor(points, 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t r = begin; r < end; ++r) costs[r] = pointCost(problem, r, start, {});
+  });
+  const double most =
+      kMostCost * std::accumulate(costs.begin(), costs.end(), 0.0) / static_cast<double>(points);
+  for (std::size_t r = 0; r < points; ++r)
+    if (costs[r] > most)
+      for (std::size_t l = 0; l < problem.states; ++l)
+        problem.weights[r * problem.states + l] *= static_cast<float>(most / costs[r]);
 }
 
 double costAndGradient(const Problem& problem, const std::vector<double>& unknowns,
@@ -204,6 +224,7 @@ CornerWeights fitWeights(const Training::Data& data, const JudgedPoints& judged,
   }
   Problem problem = makeProblem(data, judged, layout, weights, pieces, first_unknown, params);
   problem.weights = costWeights(data, judged, objective);
+  capPoints(problem, start);
   const std::size_t n = start.size();
   std::vector<double> unknowns = start, logs(n, 0.0), gradient, first(n, 0.0), second(n, 0.0);
   double pull = 0;

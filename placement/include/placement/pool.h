@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Candidates that a set of probes should make superfluous: places of all of the free space, most of
-// them before a wall, where a probe is baked and looked at in one direction, the wall's own: what is
-// right there is what a query at the wall should say. They read no receiver: train receivers lie in
-// half of the blocks of space only, and a set that is judged by them alone leaves the other half to
-// chance.
+// them before a wall, and of each what a probe there would say in one direction, the wall's own:
+// what is right there is what a query at the wall should say. It is gathered over the hemisphere as
+// at receivers, since the rays of a whole probe, the same for all of them, are too few for a small
+// light: a pattern that fits follow. They read no receiver: train receivers lie in half of the
+// blocks of space only, and a set that is judged by them alone leaves the other half to chance.
 #pragma once
 
-#include "placement/probe_bake.h"
 #include "placement/subset_model.h"
 
 namespace probelab {
@@ -17,7 +17,7 @@ struct PoolSettings {
   float spacing_m = 0;  // of the layout to be
 };
 
-void addPool(JudgedPoints& judged, const Training::Data& data, const BakePlan& plan,
-             const PoolSettings& settings, uint64_t seed);
+void addPool(JudgedPoints& judged, const Training::Data& data, const PoolSettings& settings,
+             uint64_t seed);
 
 }  // namespace probelab

@@ -2,6 +2,7 @@
 // What a Training holds once it is traced.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "placement/patch_cache.h"
@@ -26,6 +27,11 @@ struct Training::Data {
   bool traced() const { return patches != nullptr; }
   std::size_t stateCount() const { return power.size(); }
 };
+
+// Irradiance / pi (luminance) at points, [point][state], with settings.receiver_rays; the random
+// streams of the points count from `first_stream`, the receivers' own from 0.
+std::vector<float> gatherTruth(const Training::Data& data, std::span<const Receiver> points,
+                               uint64_t first_stream);
 
 // nrmse^2 of estimates [receiver][state] (irradiance / pi) under each state; 0 where it is unlit.
 std::vector<double> squaredErrors(const Training::Data& data, std::span<const float> estimates);
