@@ -14,7 +14,7 @@ namespace probelab {
 namespace {
 
 constexpr std::size_t kParts = 16;  // of the points; each sums a gradient of its own, in order
-constexpr double kMostCost = 10;    // of a point at the start, times the mean
+constexpr double kMostCost = 10;    // of a point at the start, times the mean of the others
 // Adam (Kingma and Ba 2015).
 constexpr double kRate = 0.08, kFirst = 0.9, kSecond = 0.99, kTiny = 1e-12;
 
@@ -150,15 +150,19 @@ double pointCost(const Problem& problem, std::size_t r, const std::vector<double
 
 // A place that looks into a lamp near by costs as much as thousands of others, and no weights can
 // mend it: they would follow it, and be worse around it. So no point weighs more than kMostCost
-// times the mean at the start.
+// times the mean of the others at the start, the costliest hundredth aside.
 void capPoints(Problem& problem, const std::vector<double>& start) {
   const std::size_t points = problem.link_begin.size() - 1;
   std::vector<double> costs(points);
   parallelFor(points, 64, [&](std::size_t begin, std::size_t end) {
     for (std::size_t r = begin; r < end; ++r) costs[r] = pointCost(problem, r, start, {});
   });
-  const double most =
-      kMostCost * std::accumulate(costs.begin(), costs.end(), 0.0) / static_cast<double>(points);
+  std::vector<double> sorted = costs;
+  std::sort(sorted.begin(), sorted.end());
+  sorted.resize(points - points / 100);
+  const double most = kMostCost * std::accumulate(sorted.begin(), sorted.end(), 0.0) /
+                      static_cast<double>(sorted.size());
+  if (!(most > 0)) return;
   for (std::size_t r = 0; r < points; ++r)
     if (costs[r] > most)
       for (std::size_t l = 0; l < problem.states; ++l)

@@ -19,9 +19,9 @@ struct FitSettings {
 
 // Corner weights w exp(t): the t minimise the objective's cost of the layout's query on baked
 // probes plus stiffness times the cost at the start times the mean of t^2 over all weights. Weights
-// stay positive and no probe comes or goes; a point that costs more than ten times the mean at the
-// start weighs no more than that. `layout` gives positions, lengths and the corner grid, `pieces`
-// which of the weights count where.
+// stay positive and no probe comes or goes; a point that costs more than ten times the mean of the
+// others at the start weighs no more than that. `layout` gives positions, lengths and the corner
+// grid, `pieces` which of the weights count where.
 CornerWeights fitWeights(const Training::Data& data, const JudgedPoints& judged,
                          const ProbeLayout& layout, CornerWeights weights,
                          const VoxelPieces& pieces, const Params& params,
