@@ -12,7 +12,7 @@ namespace probelab {
 namespace {
 
 // A corner's weights below this share of their sum are left out; the largest stays.
-constexpr double kLeastShare = 1.0 / 510;
+constexpr double kLeastShare = 1.0 / 4096;
 constexpr float kMostWeight = 3.9f;  // that a byte can hold, and a little less
 
 std::size_t asSize(int value) { return static_cast<std::size_t>(value); }

@@ -100,8 +100,9 @@ Measurement partition(Workbench&, const CaseVariant& variant) {
 }
 
 // What the weights are, not only that they add up: those of the k nearest are their kernel's, and
-// the others' meet in the point itself, up to the rounding of every weight's root to 1 / 128. Largest
-// distance of the weighted mean of the probes' places from the point, over what rounding may do.
+// the others' meet in the point itself, up to a 510th of every probe's way, for the rounding of bytes
+// and the interpolants' own stiffness and sampling. Largest distance of the weighted mean of the
+// probes' places from the point, over that.
 double meetingError(const ProbeLayout& layout) {
   double worst = 0;
   // Corners around them lie well within the probes' hull.
@@ -112,8 +113,7 @@ double meetingError(const ProbeLayout& layout) {
       const Vec3d away = Vec3d(layout.positions[w.probe]) - Vec3d(at.position);
       mean += away * static_cast<double>(w.weight);
       sum += static_cast<double>(w.weight);
-      const double root = std::sqrt(static_cast<double>(w.weight));
-      allowed += length(away) * (root + 0.25 / PL_WEIGHT_ONE) / PL_WEIGHT_ONE;
+      allowed += length(away) / 510;
     }
     worst = larger(worst, length(mean) / sum / allowed);
   }

@@ -89,7 +89,7 @@ std::size_t voxelCorner(const Lattice& corners, std::size_t voxel, int k);
 // corner down with them).
 enum class CornerScale { one, kept };
 
-// The index of corner weights, rounded; what is below 1/510 of a corner's sum is left out, but the
+// The index of corner weights, rounded; what is below 1/4096 of a corner's sum is left out, but the
 // largest stays. A corner without probes takes the mean of its neighbours', again and again, so that
 // no voxel is empty. `nearest` is the probe nearest to the voxel's middle among its entries. Throws
 // InputError when no corner has a probe. With `pieces` lists beyond those of the corners must not be
