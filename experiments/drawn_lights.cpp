@@ -44,18 +44,18 @@ DrawnLightsScore scoreDrawnLights(const PlacementScene& of, const ProbeLayout& l
                      .split = Split::heldout,
                      .seed = seed + kSeedOffset,
                      .receiver_rays = kRays,
-                     .lamps_each = 1});
+                     .lamps_each = 1,
+                     .own_lights = false});
   const Training::Data& data = training.data();
   const LayoutBake bake = bakeLayout(*data.patches, layout, params, data.settings.seed);
   const std::vector<float> estimates = estimateLayout(data, layout, params, bake);
   Receivers receivers;
   receivers.points = data.receivers;
   DrawnLightsScore score{static_cast<int>(data.receivers.size()), {}, {}};
-  for (std::size_t l = 0; l < data.stateCount(); ++l) {
-    const Lighting& light = data.patches->lighting()[l];
-    if (light.own || !(data.power[l] > 0)) continue;  // own: of a scene without train states
-    score.lights.push_back({light.name, errorUnder(data, estimates, l, receivers)});
-  }
+  for (std::size_t l = 0; l < data.stateCount(); ++l)
+    if (data.power[l] > 0)
+      score.lights.push_back(
+          {data.patches->lighting()[l].name, errorUnder(data, estimates, l, receivers)});
   if (score.lights.empty())
     throwInput("--drawn-lights: no indirect light of those that were drawn reaches a receiver of {}",
                of.scene.path);

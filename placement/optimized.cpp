@@ -6,7 +6,6 @@
 #include "placement/optimized.h"
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <limits>
 
@@ -44,11 +43,8 @@ struct OptimizedOptions {
 // A probe beside a wall sees mostly what one lamp does to that wall: good where the lamp is known,
 // bad for a whole room where it is another.
 double wallGap(const PlacementInput& input, bool own_only) {
-  const std::string& text = input.options.at("wall_gap");
-  if (text == "auto") return own_only ? 0.02 : 0.1;
-  if (text.empty() || std::isalpha(static_cast<unsigned char>(text[0])))
-    throwInput("--option wall_gap={}: auto or a number from 0 to 0.4 is needed", text);
-  return numberOption(input, "wall_gap", 0, 0.4);
+  if (input.options.at("wall_gap") == "auto") return own_only ? 0.02 : 0.1;
+  return numberOption(input, "wall_gap", 0, 0.4, "auto");
 }
 
 // All of them, those that are used at the very end too: a search takes minutes.

@@ -45,13 +45,14 @@ bool hasOption(const Strategy& strategy, const std::string& name) {
 }  // namespace
 
 double numberOption(const PlacementInput& input, const std::string& name, double least,
-                    double most) {
+                    double most, const std::string& word) {
   const std::string& text = optionValue(input, name);
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   const bool read = error == std::errc() && end == text.data() + text.size();
   if (!read || !(value >= least && value <= most))
-    throwInput("--option {}={}: a number from {:g} to {:g} is needed", name, text, least, most);
+    throwInput("--option {}={}: {}a number from {:g} to {:g} is needed", name, text,
+               word.empty() ? word : word + " or ", least, most);
   return value;
 }
 

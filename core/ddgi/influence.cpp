@@ -42,8 +42,8 @@ void mergeProbes(std::vector<CornerWeight>& weights, std::size_t probes) {
   weights.resize(kept);
 }
 
-// Scaled to sum 1, or as they are where a byte can hold them.
-void scaleCorner(std::vector<CornerWeight>& weights, CornerScale scale) {
+// Leaves out what is too small; the largest stays. Returns the sum before.
+double dropSmall(std::vector<CornerWeight>& weights) {
   double sum = 0;
   float largest = 0;
   for (const CornerWeight& w : weights) {
@@ -53,6 +53,13 @@ void scaleCorner(std::vector<CornerWeight>& weights, CornerScale scale) {
   std::erase_if(weights, [&](const CornerWeight& w) {
     return w.weight < largest && static_cast<double>(w.weight) < kLeastShare * sum;
   });
+  return sum;
+}
+
+// By their sum, or as they are where a byte can hold them. Some must be above 0.
+void scaleCorner(std::vector<CornerWeight>& weights, double sum, CornerScale scale) {
+  float largest = 0;
+  for (const CornerWeight& w : weights) largest = std::max(largest, w.weight);
   const double factor = scale == CornerScale::one
                             ? 1 / sum
                             : std::min(1.0, static_cast<double>(kMostWeight / largest));
@@ -77,7 +84,7 @@ std::vector<CornerWeight> neighboursMean(const CornerWeights& corners, const Vec
     }
   for (CornerWeight& w : mean) w.weight /= static_cast<float>(found);
   mergeProbes(mean, std::numeric_limits<uint32_t>::max());
-  if (!mean.empty()) scaleCorner(mean, CornerScale::kept);  // leaves out what is too small
+  dropSmall(mean);
   return mean;
 }
 
@@ -305,7 +312,7 @@ InfluenceGrid makeInfluence(const Lattice& corners, CornerWeights weights,
   parallelFor(weights.size(), 256, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       mergeProbes(weights[i], positions.size());
-      if (!weights[i].empty()) scaleCorner(weights[i], scale);
+      if (!weights[i].empty()) scaleCorner(weights[i], dropSmall(weights[i]), scale);
     }
   });
   if (std::all_of(weights.begin(), weights.end(), [](const auto& list) { return list.empty(); }))

@@ -166,7 +166,7 @@ Measurement meanings(Workbench&, const CaseVariant& variant) {
                   1e-5, "weights off by");
   }
   return within(meetingError(scattered(place, variant.format, positions)), 1,
-                "of what rounding may do:");
+                "of what is allowed:");
 }
 
 // Coplanar, collinear, three, one, and probes that all but coincide.

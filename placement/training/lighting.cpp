@@ -105,7 +105,7 @@ struct Kinds {
   bool lamps = false, suns = false, sky = false;
 };
 
-Kinds addOwnStates(const Scene& scene, Split split, std::vector<Lighting>& all) {
+Kinds addOwnStates(const Scene& scene, const LightingPlan& plan, std::vector<Lighting>& all) {
   Kinds kinds;
   for (const LightingState& state : scene.states) {
     const Scene lit = withState(scene, state.name);
@@ -113,7 +113,7 @@ Kinds addOwnStates(const Scene& scene, Split split, std::vector<Lighting>& all) 
     kinds.sky = kinds.sky || !lit.sky.black();
     for (const LightData& light : own.lights)
       (light.type == kLightDirectional ? kinds.suns : kinds.lamps) = true;
-    if (state.split == split) all.push_back(own);
+    if (plan.own && state.split == plan.split) all.push_back(own);
   }
   if (!kinds.suns && !kinds.lamps) kinds.lamps = true;
   return kinds;
@@ -154,7 +154,7 @@ std::vector<Lighting> trainingLighting(const Scene& scene, const EmbreeScene& em
                                        const Reachability& reachability,
                                        const LightingPlan& plan) {
   std::vector<Lighting> all;
-  const Kinds kinds = addOwnStates(scene, plan.split, all);
+  const Kinds kinds = addOwnStates(scene, plan, all);
   if (all.size() > kMostStates)
     throwInput("{}: a layout cannot be trained under its {} lighting states; {} are the most",
                scene.path, all.size(), kMostStates);

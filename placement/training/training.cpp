@@ -77,6 +77,7 @@ void traceTraining(Training::Data& data) {
       data.scene, data.embree,
       trainingLighting(data.scene, data.embree, data.reachability,
                        {.split = data.settings.split,
+                        .own = data.settings.own_lights,
                         .generated = data.settings.lights,
                         .lamps_each = data.settings.lamps_each,
                         .seed = data.settings.seed}),

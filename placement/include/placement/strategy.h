@@ -54,9 +54,10 @@ struct PlacementInput {
 // By input.other.
 ProbeLayout otherLayout(const std::string& strategy, const PlacementInput& input);
 
-// Option values by type; throw InputError naming the option.
+// Option values by type; throw InputError naming the option. `word`: what it may be instead of a
+// number, for the message.
 double numberOption(const PlacementInput& input, const std::string& name, double least,
-                    double most);
+                    double most, const std::string& word = {});
 int integerOption(const PlacementInput& input, const std::string& name, int least, int most);
 // The index in `names`.
 int choiceOption(const PlacementInput& input, const std::string& name,

@@ -43,16 +43,16 @@ using CornerWeights = std::vector<std::vector<CornerWeight>>;
 // A probe in one voxel: a byte for its weight at each of the voxel's corners x + 2 y + 4 z, 0 where
 // it has none. Weights are squares, (byte / PL_WEIGHT_ONE)^2: small ones keep their digits, 1 is
 // exact, and a corner may weigh some four times as much as its neighbours.
-inline float byteWeight(uint8_t byte) {
-  const float root = static_cast<float>(byte) / static_cast<float>(PL_WEIGHT_ONE);
-  return root * root;
-}
-uint8_t weightByte(float weight);  // of a positive weight; 255 at most
 struct InfluenceEntry {
   uint32_t probe = 0;
   std::array<uint8_t, 8> weights{};
 };
 static_assert(sizeof(InfluenceEntry) == 12);
+inline float byteWeight(uint8_t byte) {
+  const float root = static_cast<float>(byte) / static_cast<float>(PL_WEIGHT_ONE);
+  return root * root;
+}
+uint8_t weightByte(float weight);  // of a positive weight: 1 to 255
 
 // How voxels fall into pieces. Piece v is voxel v (x fastest), or its front where plane_of_voxel[v]
 // = k is not negative; piece voxels + k is then its back, where dot(normal, p) + offset < 0 with p

@@ -24,12 +24,13 @@ struct Lighting {
 
 struct LightingPlan {
   Split split = Split::train;
-  int generated = 0;   // states beside the scene's own of `split`
+  bool own = true;     // the scene's states of `split` are among them
+  int generated = 0;   // states beside these
   int lamps_each = 1;  // in every other generated state of lamps; one in the rest
   uint64_t seed = 0;
 };
 
-// The scene's states of the split, then generated others. Kinds follow the scene: lamps (at points
+// The scene's states of the split, if they are wanted, then generated others. Kinds follow the scene: lamps (at points
 // of the reachable free space far from each other, those of one state too), suns (one a state,
 // directions from which the reachable space can be seen) and the sky alone; a scene without lights
 // of its own gets lamps. Fewer are generated where there would be more than kMostStates in all;

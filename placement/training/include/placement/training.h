@@ -25,6 +25,7 @@ struct TrainingSettings {
   uint64_t seed = 0;
   int receiver_rays = 256;  // that the truth at each of them is gathered with
   int lamps_each = 8;       // LightingPlan::lamps_each
+  bool own_lights = true;   // LightingPlan::own
 };
 
 class Training {
