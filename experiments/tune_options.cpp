@@ -27,6 +27,14 @@ std::string checkMapSize(const std::string& text) {
   return size < 2 || size > 1024 ? "a map has 2 to 1024 values a side, or 0 for none" : "";
 }
 
+std::string checkFolds(const std::string& text) {
+  if (text == "0") return "";
+  const std::string wrong = checkPositiveInteger(text);
+  if (!wrong.empty()) return wrong;
+  const int folds = std::stoi(text);
+  return folds < 2 || folds > 16 ? "there are 2 to 16 folds, or 0 for none" : "";
+}
+
 std::vector<std::string> outputsOf(const TuneOptions& options) {
   std::vector<std::string> outputs = {options.output};
   for (const std::string& file : {options.bias_map, options.fit_values})
@@ -159,6 +167,14 @@ void addSearchOptions(CLI::App& app, TuneOptions& options) {
                  "this share; 0: off")
       ->type_name("X")
       ->check(checkNotNegative)
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--folds", options.settings.folds,
+                 "cross-validation: parts of the train receivers (from three scenes on: the scenes) "
+                 "that are left out by turns, and values go the share of the way to a solution that "
+                 "serves those best; 0: all of it")
+      ->type_name("K")
+      ->check(checkFolds)
       ->capture_default_str()
       ->group(group);
   app.add_flag("--leave-one-out", options.leave_one_out,

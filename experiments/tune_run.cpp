@@ -20,21 +20,18 @@ namespace {
 constexpr double kSettledMove = 0.01;   // of a range
 constexpr double kSettledGain = 0.005;  // of the cost
 constexpr int kHalvings = 3;
+constexpr std::size_t kScenesAsFolds = 3;  // so many and more
 constexpr int kLaterStarts = 4, kLaterCandidates = 16;
 constexpr double kLeastError = 1e-6;  // squared, of a state's weight: nrmse 0.001
 
 // Digits of a tuned value; far below what matters, and files stay readable.
 double rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
 
-// `params` with a share of the way from `from` to `to` in the keys' coordinates.
+// A share of the step, values rounded to what a file holds.
 Params between(const std::vector<TunedKey>& keys, const Params& from, const Params& to,
                double share) {
-  const std::vector<double> a = toCoordinates(keys, from), b = toCoordinates(keys, to);
-  Params params = from;
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    const double x = share == 1 ? b[i] : a[i] + share * (b[i] - a[i]);
-    params.*keys[i].value = rounded(keyValue(keys[i], x));
-  }
+  Params params = partOfStep(keys, from, to, share);
+  for (const TunedKey& key : keys) params.*key.value = rounded(params.*key.value);
   return params;
 }
 
@@ -47,9 +44,10 @@ double largestMove(const std::vector<TunedKey>& keys, const Params& a, const Par
 
 // `solved` with values of the start in their places, the cheapest first, while the cost stays below
 // (1 + parsimony) times the solution's.
-Params simplified(const HeldFields& held, const TuneProblem& problem, Params solved,
+Params simplified(const TuneObjective& objective, const TuneProblem& problem, Params solved,
                   double parsimony) {
-  const double allowed = (1 + parsimony) * held.cost(solved);
+  const auto cost_of = [&](const Params& params) { return scoreParams(objective, params).cost; };
+  const double allowed = (1 + parsimony) * cost_of(solved);
   for (std::size_t turn = 0; turn < problem.keys.inner.size(); ++turn) {
     std::optional<Params> best;
     double least = allowed;
@@ -57,12 +55,65 @@ Params simplified(const HeldFields& held, const TuneProblem& problem, Params sol
       Params tried = solved;
       tried.*key.value = problem.from.*key.value;
       if (tried.*key.value == solved.*key.value) continue;
-      if (const double cost = held.cost(tried); cost <= least) best = tried, least = cost;
+      if (const double cost = cost_of(tried); cost <= least) best = tried, least = cost;
     }
     if (!best) break;
     solved = *best;
   }
   return solved;
+}
+
+// What the first solution's starts are for the later ones.
+SolveSettings laterSettings(SolveSettings settings) {
+  settings.starts = std::min(settings.starts, kLaterStarts);
+  settings.candidates = std::min(settings.candidates, kLaterCandidates);
+  return settings;
+}
+
+// [part][point]. Among several scenes each is a fold: what holds in the others should hold there.
+std::vector<std::vector<int>> foldsOf(const TuneProblem& problem, const HeldFields& held,
+                                      int& folds) {
+  std::vector<const TuneScene*> scenes;
+  for (const TunePart& part : problem.parts)
+    if (std::ranges::find(scenes, part.scene) == scenes.end()) scenes.push_back(part.scene);
+  const bool by_scene = scenes.size() >= kScenesAsFolds;
+  if (by_scene) folds = static_cast<int>(scenes.size());
+  std::vector<std::vector<int>> fold_of;
+  for (std::size_t i = 0; i < problem.parts.size(); ++i) {
+    const TuneScene& scene = *problem.parts[i].scene;
+    const auto of_scene =
+        static_cast<int>(std::ranges::find(scenes, &scene) - scenes.begin());
+    std::vector<int>& of_points = fold_of.emplace_back();
+    for (const TunePoint& point : held.states()[i].points)
+      of_points.push_back(by_scene ? of_scene
+                                   : receiverFold(scene.scene.bounds, point.query.position, folds));
+  }
+  return fold_of;
+}
+
+// How much of the step to a solution holds where it was not sought.
+StepCheck checkSolution(const HeldFields& held, const TuneProblem& problem,
+                        const TuneSettings& settings, Tuned& count, bool quiet) {
+  int folds = settings.folds;
+  const std::vector<std::vector<int>> fold_of = foldsOf(problem, held, folds);
+  Progress progress("cross-validation", static_cast<uint64_t>(folds), quiet);
+  int done = 0;
+  const Timer timer;
+  StepCheck check = checkStep(
+      held.objective(problem.from), fold_of, folds, [&](const TuneObjective& others) {
+        const SolveResult result = solveTuning(others, laterSettings(settings.solve),
+                                               [](double) { throwIfInterrupted(); });
+        Params solved = problem.from;
+        setCoordinates(problem.keys.inner, result.x, solved);
+        if (settings.parsimony > 0)
+          solved = simplified(others, problem, solved, settings.parsimony);
+        count.evaluations += result.evaluations, count.gradients += result.gradients;
+        progress.update(++done);
+        return solved;
+      });
+  progress.finish();
+  count.solve_s += timer.seconds();
+  return check;
 }
 
 // A round's steps: the solution, then halves of it, until the field that is run with it is no
@@ -150,9 +201,7 @@ SolveResult solveInner(const HeldFields& held, const TuneProblem& problem, const
 
 void alternate(TuneFields& fields, const TuneProblem& problem, const TuneSettings& settings,
                int rounds, bool multi_start, Tuned& tuned, const Invocation& invocation) {
-  SolveSettings later = settings.solve;
-  later.starts = std::min(later.starts, kLaterStarts);
-  later.candidates = std::min(later.candidates, kLaterCandidates);
+  const SolveSettings later = laterSettings(settings.solve);
   tuned.settled = false;
   for (int i = 0; i < rounds && !tuned.settled; ++i) {
     const HeldFields held(fields, problem, tuned.params, settings.objective);
@@ -160,7 +209,11 @@ void alternate(TuneFields& fields, const TuneProblem& problem, const TuneSetting
     Params solved;
     SolveResult result = solveInner(held, problem, tuned.params, first ? settings.solve : later,
                                     tuned, solved, invocation.common.quiet);
-    if (settings.parsimony > 0) solved = simplified(held, problem, solved, settings.parsimony);
+    if (settings.parsimony > 0)
+      solved = simplified(held.objective(solved), problem, solved, settings.parsimony);
+    if (first && settings.folds > 0)
+      tuned.check = checkSolution(held, problem, settings, tuned, invocation.common.quiet);
+    solved = between(problem.keys.inner, problem.from, solved, tuned.check.share);
     TuneRound round;
     round.before = round.after = tuned.cost;
     round.solved = result.cost;

@@ -11,6 +11,7 @@
 #include "tune_scene.h"
 #include "tuning/objective.h"
 #include "tuning/solve.h"
+#include "tuning/step_check.h"
 
 namespace probelab {
 
@@ -22,6 +23,10 @@ struct TuneSettings {
   // A parameter stays as it was where going back to that raises the cost by less than this share,
   // of all that do together: what hardly matters here may matter under another light.
   double parsimony = 0.005;
+  // Cross-validation of the solution: blocks of train receivers in so many folds, or from three
+  // scenes on those. The values go that share of the way to a solution that serves what had no part
+  // in it best. 0: all of it.
+  int folds = 4;
 };
 
 // Values that are sought, and parts to seek them on.
@@ -55,6 +60,7 @@ struct Tuned {
   std::vector<TuneRound> rounds;
   std::vector<OuterStep> outer;
   bool outer_kept = false;
+  StepCheck check;    // of the first solution; its share holds for all of them
   SolveResult first;  // the multi-start solution
   SolveResult local;  // at the end, of a single start: what is known of the optimum
   int evaluations = 0, gradients = 0;

@@ -150,6 +150,17 @@ Receivers emptyReceivers(const Scene& scene, uint64_t seed) {
   return receivers;
 }
 
+// Of the block that the place is in.
+uint64_t blockHash(const Box3f& bounds, const Vec3f& p) {
+  const double edge = static_cast<double>(bounds.diagonal()) / 16;
+  uint64_t block[3];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double offset = static_cast<double>(p[axis]) - static_cast<double>(bounds.min[axis]);
+    block[axis] = static_cast<uint64_t>(static_cast<int64_t>(std::floor(offset / edge)));
+  }
+  return hashCounters(0, RngStream::split, block[0], block[1], block[2]);
+}
+
 }  // namespace
 
 Receivers generateReceivers(const Scene& scene, const EmbreeScene& embree,
@@ -221,15 +232,11 @@ void traceReceivers(Receivers& receivers, const Scene& scene, const EmbreeScene&
 }
 
 Split receiverSplit(const Box3f& bounds, const Vec3f& p) {
-  const double edge = static_cast<double>(bounds.diagonal()) / 16;
-  uint64_t block[3];
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double offset = static_cast<double>(p[axis]) - static_cast<double>(bounds.min[axis]);
-    block[axis] = static_cast<uint64_t>(static_cast<int64_t>(std::floor(offset / edge)));
-  }
-  return (hashCounters(0, RngStream::split, block[0], block[1], block[2]) & 1) != 0
-             ? Split::train
-             : Split::heldout;
+  return (blockHash(bounds, p) & 1) != 0 ? Split::train : Split::heldout;
+}
+
+int receiverFold(const Box3f& bounds, const Vec3f& p, int folds) {
+  return static_cast<int>((blockHash(bounds, p) >> 1) % static_cast<uint64_t>(folds));
 }
 
 const char* receiverKindName(ReceiverKind kind) {

@@ -64,6 +64,8 @@ Receivers readReceivers(const std::filesystem::path& path, const Scene& scene);
 // Train or held-out: by blocks with an edge of 1/16 of the bounds' diagonal, half of them each. It
 // does not depend on the seed, so that held-out places stay held-out across seeds.
 Split receiverSplit(const Box3f& bounds, const Vec3f& p);
+// In 0 .. folds - 1, by the same blocks: for cross-validation within a split.
+int receiverFold(const Box3f& bounds, const Vec3f& p, int folds);
 
 const char* receiverKindName(ReceiverKind kind);
 
