@@ -21,7 +21,8 @@ constexpr double kSettledMove = 0.01;   // of a range
 constexpr double kSettledGain = 0.005;  // of the cost
 constexpr int kHalvings = 3;
 constexpr std::size_t kScenesAsFolds = 3;  // so many and more
-constexpr int kLaterStarts = 4, kLaterCandidates = 16;
+constexpr int kLaterStarts = 4, kLaterCandidates = 16;  // than the first solution's
+constexpr int kFoldStarts = 2, kFoldCandidates = 8;     // of the cross-validation's
 constexpr double kLeastError = 1e-6;  // squared, of a state's weight: nrmse 0.001
 
 // Digits of a tuned value; far below what matters, and files stay readable.
@@ -63,10 +64,9 @@ Params simplified(const TuneObjective& objective, const TuneProblem& problem, Pa
   return solved;
 }
 
-// What the first solution's starts are for the later ones.
-SolveSettings laterSettings(SolveSettings settings) {
-  settings.starts = std::min(settings.starts, kLaterStarts);
-  settings.candidates = std::min(settings.candidates, kLaterCandidates);
+SolveSettings fewerStarts(SolveSettings settings, int starts, int candidates) {
+  settings.starts = std::min(settings.starts, starts);
+  settings.candidates = std::min(settings.candidates, candidates);
   return settings;
 }
 
@@ -101,8 +101,9 @@ StepCheck checkSolution(const HeldFields& held, const TuneProblem& problem,
   const Timer timer;
   StepCheck check = checkStep(
       held.objective(problem.from), fold_of, folds, [&](const TuneObjective& others) {
-        const SolveResult result = solveTuning(others, laterSettings(settings.solve),
-                                               [](double) { throwIfInterrupted(); });
+        const SolveResult result =
+            solveTuning(others, fewerStarts(settings.solve, kFoldStarts, kFoldCandidates),
+                        [](double) { throwIfInterrupted(); });
         Params solved = problem.from;
         setCoordinates(problem.keys.inner, result.x, solved);
         if (settings.parsimony > 0)
@@ -201,7 +202,7 @@ SolveResult solveInner(const HeldFields& held, const TuneProblem& problem, const
 
 void alternate(TuneFields& fields, const TuneProblem& problem, const TuneSettings& settings,
                int rounds, bool multi_start, Tuned& tuned, const Invocation& invocation) {
-  const SolveSettings later = laterSettings(settings.solve);
+  const SolveSettings later = fewerStarts(settings.solve, kLaterStarts, kLaterCandidates);
   tuned.settled = false;
   for (int i = 0; i < rounds && !tuned.settled; ++i) {
     const HeldFields held(fields, problem, tuned.params, settings.objective);

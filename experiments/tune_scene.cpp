@@ -37,11 +37,17 @@ void checkReceivers(const TuneState& state, std::size_t keys) {
         "{}: {} train and {} held-out receivers are too few to tune {} parameters on and to score "
         "them; raise --count",
         state.scene.path, train, heldout, keys);
-  if (state.tuned_on && !(meanReference(state.receivers, ScoredSplit::train) > 0))
-    throwInput(
-        "{}: no train receiver gets light in state '{}', so there is no error to tune on; add a "
-        "light, or choose another --state",
-        state.scene.path, state.scene.state);
+}
+
+bool lightsTrainReceivers(const TuneState& state) {
+  return meanReference(state.receivers, ScoredSplit::train) > 0;
+}
+
+// A user who names no state should hear what it was tuned on.
+void noteStates(const Scene& scene, const TuneSceneOptions& options, const Invocation& invocation) {
+  if (!options.state.empty() || scene.states.empty()) return;
+  if (std::ranges::all_of(scene.states, [](const auto& s) { return s.split == Split::heldout; }))
+    note(invocation, "{}: no state is a train state, so all are tuned on", scene.name);
 }
 
 ProbeLayout loadLayout(const TuneScene& of, const TuneSceneOptions& options, const Params& params,
@@ -71,6 +77,8 @@ std::unique_ptr<TuneScene> loadTuneScene(const std::string& path, const TuneScen
   SceneOptions of;
   of.scene = path, of.state = options.state;
   auto loaded = std::make_unique<TuneScene>(loadScene(of, invocation));
+  noteStates(loaded->scene, options, invocation);
+  std::string unlit;
   for (const auto& [name, tuned_on] : orderedStates(loaded->scene, options.state)) {
     const bool from_file = !options.receivers.empty();
     if (from_file && name != loaded->scene.state) continue;  // there is truth for one state alone
@@ -82,8 +90,19 @@ std::unique_ptr<TuneScene> loadTuneScene(const std::string& path, const TuneScen
           obtainTruth(options.truth, state.scene, loaded->embree, loaded->reachability, invocation)
               .receivers;
     checkReceivers(state, keys);
+    if (tuned_on && !lightsTrainReceivers(state)) {
+      unlit = name;
+      note(invocation, "{}: state '{}' lights no train receiver and is left out",
+           loaded->scene.name, name);
+      continue;
+    }
     loaded->states.push_back(std::move(state));
   }
+  if (loaded->states.empty() || !loaded->states.front().tuned_on)
+    throwInput(
+        "{}: no train receiver gets light in state '{}', so there is no error to tune on; add a "
+        "light, or choose another --state",
+        path, unlit.empty() ? loaded->scene.state : unlit);
   loaded->proxy = makeProxySetup(loaded->scene, loaded->embree, options.field.ray_proxy_m,
                                  invocation.common.seed);
   loaded->layout = loadLayout(*loaded, options, params, invocation);

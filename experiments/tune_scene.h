@@ -47,9 +47,9 @@ struct TuneSceneOptions {
   TruthOptions truth;
 };
 
-// Loads the scene, its layout (made for `params`) and the truth of every state. Throws InputError
-// where a state that is tuned on has no light, or where receivers do not suffice for `keys`
-// parameters.
+// Loads the scene, its layout (made for `params`) and the truth of every state; states to tune on
+// that light no train receiver are left out with a note. Throws InputError where none remains, or
+// where receivers do not suffice for `keys` parameters.
 std::unique_ptr<TuneScene> loadTuneScene(const std::string& path, const TuneSceneOptions& options,
                                          const Params& params, std::size_t keys,
                                          const Invocation& invocation);

@@ -104,6 +104,46 @@ class Tune(TuneTest):
         self.assertEqual((self.folder / "a.toml").read_bytes(),
                          (self.folder / "b.toml").read_bytes())
 
+    def test_cross_validation(self):
+        options = ("--vary", "normal_bias,view_bias", "--parsimony", 0, "--rounds", 1)
+        whole = self.tune(*options, "--folds", 0)
+        self.assertIsNone(whole["step_check"])
+        result = self.tune(*options, "--folds", 3)
+        check = result["step_check"]
+        self.assertEqual((check["folds"], check["shares"]), (3, [0, 0.25, 0.5, 0.75, 1]))
+        at = check["shares"].index(check["share"])
+        self.assertEqual(check["costs"][at], min(check["costs"]))
+        # Before the step the folds' costs sum to the cost of the whole.
+        self.assertAlmostEqual(check["costs"][0], result["cost"]["from"], delta=1e-9)
+        # The solution is the same, and values are that share of the way to it (biases are linear).
+        if whole["rounds"][0]["step"] == result["rounds"][0]["step"] == 1:
+            for of_whole, p in zip(whole["parameters"], result["parameters"]):
+                self.assertAlmostEqual(p["tuned"] - p["from"],
+                                       check["share"] * (of_whole["tuned"] - of_whole["from"]),
+                                       delta=1e-5)
+
+    def test_a_state_without_light_is_left_out(self):
+        write_glb(self.folder / "dark.glb")
+        text = SCENE.replace("room.glb", "dark.glb")
+        text += '[[state]]\nname = "off"\nlights = { lamp = { intensity = 0.0 } }\n'
+        (self.folder / "switched.toml").write_text(text)
+        result = self.run_ok("tune", "switched.toml", "-o", "t.toml", *QUICK, "--vary", "view_bias",
+                             "--json")
+        self.assertIn("'off' lights no train receiver", result.stderr)
+        self.assertEqual([s["state"] for s in json.loads(result.stdout)["scores"]],
+                         ["day", "dusk", "night"])
+        refused = self.run_program("tune", "switched.toml", "-o", "u.toml", *QUICK, "--state", "off")
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("'off', so there is no error", refused.stderr)
+
+    def test_held_out_states_alone(self):
+        text = SCENE.replace('name = "day"', 'name = "day"\nsplit = "heldout"').replace(
+            'name = "dusk"', 'name = "dusk"\nsplit = "heldout"')
+        (self.folder / "heldout.toml").write_text(text)
+        result = self.run_ok("tune", "heldout.toml", "-o", "t.toml", *QUICK, "--vary", "view_bias",
+                             "--rounds", 1)
+        self.assertIn("no state is a train state", result.stderr)
+
     def test_one_state(self):
         result = self.tune("--state", "dusk", "--vary", "view_bias")
         self.assertEqual([(s["state"], s["lights"]) for s in result["scores"]],
@@ -132,7 +172,8 @@ class Tune(TuneTest):
     def test_report_and_map(self):
         (self.folder / "report").mkdir()
         result = self.tune("--vary", "normal_bias,view_bias", "--report", "report", "--bias-map",
-                           "map.csv", "--bias-map-size", 3, "--compare-searches", 20)
+                           "map.csv", "--bias-map-size", 3, "--compare-searches", 20,
+                           "--folds", 0)
         table = json.loads((self.folder / "report/tune.json").read_text())
         for part in table["scores"]:
             for setting in part["settings"]:
@@ -181,7 +222,7 @@ class SeveralScenes(TuneTest):
         (self.folder / "other.toml").write_text(SCENE.replace("0.5, 2.0, 0.5", "-0.5, 1.0, 0.5"))
 
     def test_shared_and_leave_one_out(self):
-        options = ("--vary", "view_bias", "--rounds", 1, "--parsimony", 0)
+        options = ("--vary", "view_bias", "--rounds", 1, "--parsimony", 0, "--folds", 0)
         result = self.run_json("tune", "room.toml", "other.toml", "-o", "tuned.toml", *QUICK,
                                *options, "--leave-one-out")
         self.assertEqual(len(result["scores"]), 6)
@@ -244,6 +285,7 @@ class Refusals(TuneTest):
 
     def test_what_would_have_no_effect(self):
         self.refuse("--starts", 100000, words=("--starts",))
+        self.refuse("--folds", 1, words=("--folds", "2 to 16"))
         self.refuse("--vary", "none", "--compare-searches", 5, words=("--compare-searches",))
         self.refuse("--rays", 16, "--set", "rays=64", words=("--rays 16", "rays=64", "disagree"))
 
