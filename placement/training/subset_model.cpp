@@ -320,19 +320,13 @@ void SubsetModel::refresh(std::span<const uint32_t> receivers) {
   });
 }
 
-// False where the list has nearer ones only.
-bool SubsetModel::hasPlace(std::size_t receiver, float distance) {
-  List& list = lists_[receiver];
-  if (list.entries.empty() || distance < list.entries.back().distance) return true;
-  if (list.entries.size() == kListed) list.complete = false;
-  return list.complete;
-}
-
 // Puts a probe into a receiver's list if it is visible and near enough.
 void SubsetModel::insertEntry(std::size_t receiver, int probe, const Pair& pair,
                               const float* values) {
-  if (!hasPlace(receiver, pair.distance) || !pair.visible) return;
   List& list = lists_[receiver];
+  const bool is_nearer = list.entries.empty() || pair.distance < list.entries.back().distance;
+  if (!is_nearer && list.entries.size() == kListed) list.complete = false;
+  if (!pair.visible || !(is_nearer || list.complete)) return;
   int row = static_cast<int>(list.entries.size());
   if (list.entries.size() == kListed) {
     row = list.entries.back().row;
@@ -381,7 +375,6 @@ void SubsetModel::rebuild(std::size_t receiver) {
     }
     const int p = order[i].second;
     const BakedProbe& baked = slots_[static_cast<std::size_t>(p)];
-    if (!hasPlace(receiver, length(baked.position - lifted_[receiver]))) continue;
     std::array<float, kMostStates> values;
     const Pair pair = pairOf(receiver, baked, values.data());
     insertEntry(receiver, p, pair, values.data());

@@ -110,7 +110,6 @@ class SubsetModel {
   template <class Visit>
   void forTouched(const Change& change, const Visit& visit) const;
   void rebuild(std::size_t receiver);
-  bool hasPlace(std::size_t receiver, float distance);
   void insertEntry(std::size_t receiver, int probe, const Pair& pair, const float* values);
   void refresh(std::span<const uint32_t> receivers);
   void findReaches();
