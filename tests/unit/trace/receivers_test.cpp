@@ -128,6 +128,32 @@ TEST(Receivers, SplitIsByBlocksAndAboutHalf) {
   EXPECT_NEAR(train / 4000.0, 0.5, 0.2);  // ~200 blocks, binomial 3.5 %, unequal shares
 }
 
+TEST(Receivers, FoldsAreOfTheSameBlocksAndAlike) {
+  const Made made(room());
+  const Receivers r = made.receivers(4000, 4);
+  constexpr int kFolds = 4;
+  std::map<std::array<int, 3>, std::set<int>> blocks;
+  const float edge = made.scene.bounds.diagonal() / 16;
+  std::array<double, kFolds> train{}, heldout{};
+  for (const Receiver& p : r.points) {
+    const int fold = receiverFold(made.scene.bounds, p.position, kFolds);
+    ASSERT_GE(fold, 0);
+    ASSERT_LT(fold, kFolds);
+    (p.split == Split::train ? train : heldout)[static_cast<std::size_t>(fold)] += 1.0 / 4000;
+    const Vec3f q = (p.position - made.scene.bounds.min) / edge;
+    blocks[{static_cast<int>(q.x), static_cast<int>(q.y), static_cast<int>(q.z)}].insert(fold);
+  }
+  int mixed = 0;
+  for (const auto& [block, folds] : blocks) mixed += folds.size() > 1;
+  EXPECT_LE(mixed, 1);
+  // Folds do not go with the split: each has about an eighth of all on either side (~25 blocks,
+  // unequal shares).
+  for (std::size_t fold = 0; fold < kFolds; ++fold) {
+    EXPECT_NEAR(train[fold], 0.125, 0.08);
+    EXPECT_NEAR(heldout[fold], 0.125, 0.08);
+  }
+}
+
 TEST(Receivers, SkyOnlyScenesHaveVolumeReceivers) {
   SceneBuilder builder;
   builder.scene().bounds = {Vec3f(-1), Vec3f(1)};
