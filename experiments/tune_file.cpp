@@ -82,6 +82,9 @@ std::string header(const TuneOutcome& outcome) {
         fmt::format("#   {} ({}): layout {} of {} probes, {} receivers\n", scene->scene.name,
                     scene->scene.content_hash.substr(0, 12), scene->layout.strategy,
                     scene->layout.positions.size(), scene->states.front().receivers.points.size());
+  if (outcome.tuned.check.folds > 0)
+    text += fmt::format("# Step taken: {:g} %, cross-validated on {} folds.\n",
+                        100 * outcome.tuned.check.share, outcome.tuned.check.folds);
   text += fmt::format("# On held-out receivers, from {}:\n", outcome.problem.from.name);
   return text + stateLines(outcome);
 }

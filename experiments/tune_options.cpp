@@ -28,11 +28,11 @@ std::string checkMapSize(const std::string& text) {
 }
 
 std::string checkFolds(const std::string& text) {
+  const std::string wrong = "there are 2 to 16 folds, or 0 for none";
   if (text == "0") return "";
-  const std::string wrong = checkPositiveInteger(text);
-  if (!wrong.empty()) return wrong;
+  if (!checkPositiveInteger(text).empty()) return wrong;
   const int folds = std::stoi(text);
-  return folds < 2 || folds > 16 ? "there are 2 to 16 folds, or 0 for none" : "";
+  return folds < 2 || folds > 16 ? wrong : "";
 }
 
 std::vector<std::string> outputsOf(const TuneOptions& options) {
@@ -170,9 +170,9 @@ void addSearchOptions(CLI::App& app, TuneOptions& options) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--folds", options.settings.folds,
-                 "cross-validation: parts of the train receivers (from three scenes on: the scenes) "
-                 "that are left out by turns, and values go the share of the way to a solution that "
-                 "serves those best; 0: all of it")
+                 "cross-validation: so many parts of the train receivers (from three scenes on the "
+                 "scenes instead) are left out by turns, and values of query parameters go no "
+                 "farther towards the solution than pays there; 0: all of the way")
       ->type_name("K")
       ->check(checkFolds)
       ->capture_default_str()

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "tune_check.h"
 
 namespace probelab {
 namespace {
@@ -107,10 +108,7 @@ class Search {
       SolveSettings single = settings_.solve;
       single.starts = 1, single.candidates = 0;
       solveInner(held, problem_, params, single, tuned_, solved);
-      Params start = params;
-      for (const TunedKey& key : problem_.keys.inner)
-        start.*key.value = problem_.from.*key.value;
-      solved = partOfStep(problem_.keys.inner, start, solved, tuned_.check.share);
+      solved = partOfSolution(problem_, problem_.from, solved, tuned_.check.share);
     }
     const double solved_cost = held.cost(solved);
     fields_.forget(ran);

@@ -5,13 +5,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "base/error.h"
 #include "base/interrupt.h"
 #include "base/progress.h"
 #include "base/timer.h"
 #include "table.h"
+#include "tune_check.h"
 #include "tune_outer.h"
 
 namespace probelab {
@@ -20,21 +20,8 @@ namespace {
 constexpr double kSettledMove = 0.01;   // of a range
 constexpr double kSettledGain = 0.005;  // of the cost
 constexpr int kHalvings = 3;
-constexpr std::size_t kScenesAsFolds = 3;  // so many and more
-constexpr int kLaterStarts = 4, kLaterCandidates = 16;  // than the first solution's
-constexpr int kFoldStarts = 2, kFoldCandidates = 8;     // of the cross-validation's
+constexpr int kLaterStarts = 4, kLaterCandidates = 16;
 constexpr double kLeastError = 1e-6;  // squared, of a state's weight: nrmse 0.001
-
-// Digits of a tuned value; far below what matters, and files stay readable.
-double rounded(double value) { return std::stod(fmt::format("{:.6g}", value)); }
-
-// A share of the step, values rounded to what a file holds.
-Params between(const std::vector<TunedKey>& keys, const Params& from, const Params& to,
-               double share) {
-  Params params = partOfStep(keys, from, to, share);
-  for (const TunedKey& key : keys) params.*key.value = rounded(params.*key.value);
-  return params;
-}
 
 double largestMove(const std::vector<TunedKey>& keys, const Params& a, const Params& b) {
   double largest = 0;
@@ -43,87 +30,13 @@ double largestMove(const std::vector<TunedKey>& keys, const Params& a, const Par
   return largest;
 }
 
-// `solved` with values of the start in their places, the cheapest first, while the cost stays below
-// (1 + parsimony) times the solution's.
-Params simplified(const TuneObjective& objective, const TuneProblem& problem, Params solved,
-                  double parsimony) {
-  const auto cost_of = [&](const Params& params) { return scoreParams(objective, params).cost; };
-  const double allowed = (1 + parsimony) * cost_of(solved);
-  for (std::size_t turn = 0; turn < problem.keys.inner.size(); ++turn) {
-    std::optional<Params> best;
-    double least = allowed;
-    for (const TunedKey& key : problem.keys.inner) {
-      Params tried = solved;
-      tried.*key.value = problem.from.*key.value;
-      if (tried.*key.value == solved.*key.value) continue;
-      if (const double cost = cost_of(tried); cost <= least) best = tried, least = cost;
-    }
-    if (!best) break;
-    solved = *best;
-  }
-  return solved;
-}
-
-SolveSettings fewerStarts(SolveSettings settings, int starts, int candidates) {
-  settings.starts = std::min(settings.starts, starts);
-  settings.candidates = std::min(settings.candidates, candidates);
-  return settings;
-}
-
-// [part][point]. Among several scenes each is a fold: what holds in the others should hold there.
-std::vector<std::vector<int>> foldsOf(const TuneProblem& problem, const HeldFields& held,
-                                      int& folds) {
-  std::vector<const TuneScene*> scenes;
-  for (const TunePart& part : problem.parts)
-    if (std::ranges::find(scenes, part.scene) == scenes.end()) scenes.push_back(part.scene);
-  const bool by_scene = scenes.size() >= kScenesAsFolds;
-  if (by_scene) folds = static_cast<int>(scenes.size());
-  std::vector<std::vector<int>> fold_of;
-  for (std::size_t i = 0; i < problem.parts.size(); ++i) {
-    const TuneScene& scene = *problem.parts[i].scene;
-    const auto of_scene =
-        static_cast<int>(std::ranges::find(scenes, &scene) - scenes.begin());
-    std::vector<int>& of_points = fold_of.emplace_back();
-    for (const TunePoint& point : held.states()[i].points)
-      of_points.push_back(by_scene ? of_scene
-                                   : receiverFold(scene.scene.bounds, point.query.position, folds));
-  }
-  return fold_of;
-}
-
-// How much of the step to a solution holds where it was not sought.
-StepCheck checkSolution(const HeldFields& held, const TuneProblem& problem,
-                        const TuneSettings& settings, Tuned& count, bool quiet) {
-  int folds = settings.folds;
-  const std::vector<std::vector<int>> fold_of = foldsOf(problem, held, folds);
-  Progress progress("cross-validation", static_cast<uint64_t>(folds), quiet);
-  int done = 0;
-  const Timer timer;
-  StepCheck check = checkStep(
-      held.objective(problem.from), fold_of, folds, [&](const TuneObjective& others) {
-        const SolveResult result =
-            solveTuning(others, fewerStarts(settings.solve, kFoldStarts, kFoldCandidates),
-                        [](double) { throwIfInterrupted(); });
-        Params solved = problem.from;
-        setCoordinates(problem.keys.inner, result.x, solved);
-        if (settings.parsimony > 0)
-          solved = simplified(others, problem, solved, settings.parsimony);
-        count.evaluations += result.evaluations, count.gradients += result.gradients;
-        progress.update(++done);
-        return solved;
-      });
-  progress.finish();
-  count.solve_s += timer.seconds();
-  return check;
-}
-
 // A round's steps: the solution, then halves of it, until the field that is run with it is no
 // worse.
 void takeStep(TuneFields& fields, const TuneProblem& problem, const TuneSettings& settings,
               const Params& solved, Tuned& tuned, TuneRound& round) {
   double share = 1;
   for (int i = 0; i <= kHalvings; ++i, share /= 2) {
-    const Params tried = between(problem.keys.inner, tuned.params, solved, share);
+    const Params tried = partOfSolution(problem, tuned.params, solved, share);
     round.params = tried;
     round.moved = largestMove(problem.keys.inner, tuned.params, tried);
     if (round.moved == 0) break;
@@ -145,9 +58,10 @@ void noteRound(const Tuned& tuned, const Invocation& invocation) {
   const TuneRound& round = tuned.rounds.back();
   note(invocation, "round {}: cost {} -> {} held still -> {} run again{}", tuned.rounds.size(),
        formatNumber(round.before), formatNumber(round.solved), formatNumber(round.after),
-       round.step == 0   ? ", no step helped"
-       : round.step == 1 ? ""
-                         : fmt::format(", {:g} of the step", round.step));
+       tuned.check.share == 0 ? ", cross-validation keeps the start's values"
+       : round.step == 0      ? ", no step helped"
+       : round.step == 1      ? ""
+                              : fmt::format(", {:g} of the step", round.step));
 }
 
 }  // namespace
@@ -194,7 +108,7 @@ SolveResult solveInner(const HeldFields& held, const TuneProblem& problem, const
   progress.finish();
   solved = base;
   setCoordinates(problem.keys.inner, result.x, solved);
-  for (const TunedKey& key : problem.keys.inner) solved.*key.value = rounded(solved.*key.value);
+  solved = rounded(problem, solved);
   count.evaluations += result.evaluations, count.gradients += result.gradients;
   count.solve_s += timer.seconds();
   return result;
@@ -202,7 +116,9 @@ SolveResult solveInner(const HeldFields& held, const TuneProblem& problem, const
 
 void alternate(TuneFields& fields, const TuneProblem& problem, const TuneSettings& settings,
                int rounds, bool multi_start, Tuned& tuned, const Invocation& invocation) {
-  const SolveSettings later = fewerStarts(settings.solve, kLaterStarts, kLaterCandidates);
+  SolveSettings later = settings.solve;
+  later.starts = std::min(later.starts, kLaterStarts);
+  later.candidates = std::min(later.candidates, kLaterCandidates);
   tuned.settled = false;
   for (int i = 0; i < rounds && !tuned.settled; ++i) {
     const HeldFields held(fields, problem, tuned.params, settings.objective);
@@ -213,8 +129,9 @@ void alternate(TuneFields& fields, const TuneProblem& problem, const TuneSetting
     if (settings.parsimony > 0)
       solved = simplified(held.objective(solved), problem, solved, settings.parsimony);
     if (first && settings.folds > 0)
-      tuned.check = checkSolution(held, problem, settings, tuned, invocation.common.quiet);
-    solved = between(problem.keys.inner, problem.from, solved, tuned.check.share);
+      tuned.check =
+          checkSolution(held, problem, settings, solved, tuned, invocation.common.quiet);
+    solved = partOfSolution(problem, problem.from, solved, tuned.check.share);
     TuneRound round;
     round.before = round.after = tuned.cost;
     round.solved = result.cost;

@@ -23,9 +23,9 @@ struct TuneSettings {
   // A parameter stays as it was where going back to that raises the cost by less than this share,
   // of all that do together: what hardly matters here may matter under another light.
   double parsimony = 0.005;
-  // Cross-validation of the solution: blocks of train receivers in so many folds, or from three
-  // scenes on those. The values go that share of the way to a solution that serves what had no part
-  // in it best. 0: all of it.
+  // Cross-validation of the first solution (tuning/step_check.h) in so many folds of blocks of train
+  // receivers; from three scenes on each scene is a fold. Values go the share of the way that it
+  // says, with `parsimony` as its allowance. 0: they go all of it.
   int folds = 4;
 };
 
@@ -42,7 +42,7 @@ struct TuneRound {
   double before = 0;  // cost of the field and the parameters that the round starts from
   double solved = 0;  // of the solution on that field
   double after = 0;   // with the field run again; `before` where no step helped
-  double step = 0;    // share of the way to the solution that was kept; 0: none
+  double step = 0;    // share of the way to `solved`, cross-validated, that was kept; 0: none
   double moved = 0;   // largest change of a value, over its range
   int fields = 0;     // runs over all parts
 };
@@ -62,7 +62,7 @@ struct Tuned {
   bool outer_kept = false;
   StepCheck check;    // of the first solution; its share holds for all of them
   SolveResult first;  // the multi-start solution
-  SolveResult local;  // at the end, of a single start: what is known of the optimum
+  SolveResult local;  // at the end, of a single start: what is known of the train receivers' optimum
   int evaluations = 0, gradients = 0;
   double solve_s = 0;
 };

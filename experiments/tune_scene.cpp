@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tune_scene.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 
 #include "base/error.h"
@@ -44,10 +46,30 @@ bool lightsTrainReceivers(const TuneState& state) {
 }
 
 // A user who names no state should hear what it was tuned on.
-void noteStates(const Scene& scene, const TuneSceneOptions& options, const Invocation& invocation) {
-  if (!options.state.empty() || scene.states.empty()) return;
-  if (std::ranges::all_of(scene.states, [](const auto& s) { return s.split == Split::heldout; }))
-    note(invocation, "{}: no state is a train state, so all are tuned on", scene.name);
+void noteStates(const TuneScene& loaded, const std::vector<std::string>& unlit,
+                const TuneSceneOptions& options, const Invocation& invocation) {
+  const Scene& scene = loaded.scene;
+  if (!unlit.empty())
+    note(invocation, "{}: left out, since no train receiver gets light in it: {}", scene.name,
+         fmt::join(unlit, ", "));
+  if (options.state.empty() && !scene.states.empty() &&
+      std::ranges::all_of(scene.states, [](const auto& s) { return s.split == Split::heldout; }))
+    note(invocation, "{}: no state is a train state, so held-out ones are tuned on", scene.name);
+}
+
+// Throws InputError where nothing is left to tune on.
+void checkTunedOn(const TuneScene& loaded, const std::vector<std::string>& unlit,
+                  const std::string& path) {
+  if (!loaded.states.empty() && loaded.states.front().tuned_on) return;
+  if (unlit.empty())
+    throwInput(
+        "{}: '{}', the state of the receivers, is held out and would not be tuned on; name it by "
+        "--state to do so",
+        path, loaded.scene.state);
+  throwInput(
+      "{}: no train receiver gets light in state {}, so there is no error to tune on; add a light, "
+      "or choose another --state",
+      path, fmt::join(unlit, ", "));
 }
 
 ProbeLayout loadLayout(const TuneScene& of, const TuneSceneOptions& options, const Params& params,
@@ -77,8 +99,7 @@ std::unique_ptr<TuneScene> loadTuneScene(const std::string& path, const TuneScen
   SceneOptions of;
   of.scene = path, of.state = options.state;
   auto loaded = std::make_unique<TuneScene>(loadScene(of, invocation));
-  noteStates(loaded->scene, options, invocation);
-  std::string unlit;
+  std::vector<std::string> unlit;
   for (const auto& [name, tuned_on] : orderedStates(loaded->scene, options.state)) {
     const bool from_file = !options.receivers.empty();
     if (from_file && name != loaded->scene.state) continue;  // there is truth for one state alone
@@ -90,19 +111,13 @@ std::unique_ptr<TuneScene> loadTuneScene(const std::string& path, const TuneScen
           obtainTruth(options.truth, state.scene, loaded->embree, loaded->reachability, invocation)
               .receivers;
     checkReceivers(state, keys);
-    if (tuned_on && !lightsTrainReceivers(state)) {
-      unlit = name;
-      note(invocation, "{}: state '{}' lights no train receiver and is left out",
-           loaded->scene.name, name);
-      continue;
-    }
-    loaded->states.push_back(std::move(state));
+    if (tuned_on && !lightsTrainReceivers(state))
+      unlit.push_back(name);
+    else
+      loaded->states.push_back(std::move(state));
   }
-  if (loaded->states.empty() || !loaded->states.front().tuned_on)
-    throwInput(
-        "{}: no train receiver gets light in state '{}', so there is no error to tune on; add a "
-        "light, or choose another --state",
-        path, unlit.empty() ? loaded->scene.state : unlit);
+  checkTunedOn(*loaded, unlit, path);
+  noteStates(*loaded, unlit, options, invocation);
   loaded->proxy = makeProxySetup(loaded->scene, loaded->embree, options.field.ray_proxy_m,
                                  invocation.common.seed);
   loaded->layout = loadLayout(*loaded, options, params, invocation);

@@ -48,6 +48,8 @@ def identity(study):
             text += f" {name}={','.join(study[name])}"
     if "leak_weight" in study:
         text += f" leak_weight={study['leak_weight']}"
+    if study.get("folds"):
+        text += f" folds={study['folds']}"
     return text
 
 
@@ -63,6 +65,7 @@ def start_words(study):
         words += ["--vary", ",".join(study["vary"])]
     if "leak_weight" in study:
         words += ["--leak-weight", study["leak_weight"]]
+    words += ["--folds", study.get("folds", 0)]
     return [*words, "--against", ",".join(against)]
 
 
@@ -138,11 +141,17 @@ class TuningStudy(Runner):
         self.done.update(row["unit"] for row in rows)
 
 
+def share_of(result):
+    """Of the step to the solution that cross-validation took; all of it without."""
+    return result["step_check"]["share"] if result["step_check"] else 1
+
+
 def rows_of(common, result, names):
     values = {p["key"]: p["tuned"] for p in result["parameters"]}
     run = {"values": values, "parameters": result["parameters"], "rounds": len(result["rounds"]),
            "settled": result["settled"], "evaluations": result["evaluations"],
-           "fields": result["fields"], "seconds": result["seconds"], "cost": result["cost"]}
+           "fields": result["fields"], "seconds": result["seconds"], "cost": result["cost"],
+           "share": share_of(result)}
     if not result["leave_one_out"]:
         return [row for score in result["scores"]
                 for row in score_rows(common, names, score, {FROM: FROM, TUNED: TUNED}, run)]
@@ -150,7 +159,7 @@ def rows_of(common, result, names):
             for row in score_rows(common, names, score, {TUNED: SHARED}, run, False)]
     for fold in result["leave_one_out"]["folds"]:
         of_fold = {"values": fold["values"], "rounds": len(fold["rounds"]),
-                   "cost": fold["cost"]}
+                   "cost": fold["cost"], "share": share_of(fold)}
         rows += [row for score in fold["scores"]
                  for row in score_rows(common, names, score, {TUNED: LEFT_OUT}, of_fold, False)]
     return rows

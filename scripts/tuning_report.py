@@ -153,12 +153,13 @@ def limits_table(tables, probes, lights):
 
 
 def costs_table(rows, probes):
-    table = [["scene", "rounds", "settled", "evaluations", "fields", "solve s", "most",
-              "fields s"]]
+    table = [["scene", "rounds", "settled", "step taken", "evaluations", "fields", "solve s",
+              "most", "fields s"]]
     for scene, of in runs_of(rows, TUNED, probes).items():
         runs = [r["run"] for r in of]
         table.append([scene, number(mean([r["rounds"] for r in runs])),
                       f"{sum(r['settled'] for r in runs)} of {len(runs)}",
+                      number(mean([r.get("share", 1) for r in runs])),
                       number(statistics.median(r["evaluations"] for r in runs)),
                       number(statistics.median(r["fields"] for r in runs)),
                       number(statistics.median(r["seconds"]["solve"] for r in runs)),

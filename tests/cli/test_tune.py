@@ -58,7 +58,7 @@ class Tune(TuneTest):
         # A bias that is too large here for certain; the preset itself may be hard to better.
         result = self.tune("--set", "normal_bias=0.4")
         for name in ("scenes", "from", "parameters", "singular_values", "correlation", "cost",
-                     "settled", "rounds", "outer", "starts", "evaluations", "gradients", "error",
+                     "settled", "rounds", "step_check", "outer", "starts", "evaluations", "gradients", "error",
                      "summary", "gains", "scores", "params", "fields", "seconds", "provenance"):
             self.assertIn(name, result)
         self.assertEqual([p["key"] for p in result["parameters"]],
@@ -98,29 +98,46 @@ class Tune(TuneTest):
         self.assertGreaterEqual(gain["high"] or math.inf, gain["ratio"])  # null: unbounded
 
     def test_same_seed_same_bytes(self):
-        self.tune("--vary", "normal_bias,chebyshev_power", output="a.toml")
+        options = ("--vary", "normal_bias,view_bias", "--seed", 5)
+        self.tune(*options, output="a.toml")
         self.run_ok("tune", "room.toml", "-o", "b.toml", *QUICK, "--threads", 1, "--quiet",
-                    "--vary", "normal_bias,chebyshev_power")
+                    *options)
         self.assertEqual((self.folder / "a.toml").read_bytes(),
                          (self.folder / "b.toml").read_bytes())
 
     def test_cross_validation(self):
+        # Seed 5: a part of the step pays on what was left out; seed 2: none of it does.
         options = ("--vary", "normal_bias,view_bias", "--parsimony", 0, "--rounds", 1)
-        whole = self.tune(*options, "--folds", 0)
+        whole = self.tune(*options, "--seed", 5, "--folds", 0)
         self.assertIsNone(whole["step_check"])
-        result = self.tune(*options, "--folds", 3)
+        result = self.tune(*options, "--seed", 5, "--folds", 4)
         check = result["step_check"]
-        self.assertEqual((check["folds"], check["shares"]), (3, [0, 0.25, 0.5, 0.75, 1]))
-        at = check["shares"].index(check["share"])
-        self.assertEqual(check["costs"][at], min(check["costs"]))
+        self.assertEqual((check["folds"], check["shares"]), (4, [0, 0.25, 0.5, 0.75, 1]))
+        self.assertEqual(check["share"], check["shares"][check["costs"].index(min(check["costs"]))])
+        self.assertTrue(0 < check["share"] < 1, check)
+        for costs, cost in zip(zip(*check["fold_costs"]), check["costs"]):
+            self.assertAlmostEqual(sum(costs), cost, delta=1e-12)
         # Before the step the folds' costs sum to the cost of the whole.
         self.assertAlmostEqual(check["costs"][0], result["cost"]["from"], delta=1e-9)
         # The solution is the same, and values are that share of the way to it (biases are linear).
-        if whole["rounds"][0]["step"] == result["rounds"][0]["step"] == 1:
-            for of_whole, p in zip(whole["parameters"], result["parameters"]):
-                self.assertAlmostEqual(p["tuned"] - p["from"],
-                                       check["share"] * (of_whole["tuned"] - of_whole["from"]),
-                                       delta=1e-5)
+        self.assertEqual(whole["rounds"][0]["solved"], result["rounds"][0]["solved"])
+        self.assertEqual((whole["rounds"][0]["step"], result["rounds"][0]["step"]), (1, 1))
+        for of_whole, p in zip(whole["parameters"], result["parameters"]):
+            self.assertAlmostEqual(p["tuned"] - p["from"],
+                                   check["share"] * (of_whole["tuned"] - of_whole["from"]),
+                                   delta=1e-5)
+        kept = self.tune(*options, "--seed", 2, "--folds", 4)
+        self.assertEqual(kept["step_check"]["share"], 0)
+        for p in kept["parameters"]:
+            self.assertEqual(p["tuned"], p["from"])
+            self.assertNotEqual(p["optimum"], p["from"])
+
+    def test_an_outer_search_keeps_the_share_and_six_digits(self):
+        result = self.tune("--vary", "view_bias,normal_bias,distance_exponent", "--seed", 5,
+                           "--parsimony", 0, "--outer-evaluations", 3, "--rounds", 1)
+        self.assertLess(result["step_check"]["share"], 1)
+        for p in result["parameters"]:
+            self.assertEqual(p["tuned"], float(f"{p['tuned']:.6g}"))
 
     def test_a_state_without_light_is_left_out(self):
         write_glb(self.folder / "dark.glb")
@@ -129,20 +146,33 @@ class Tune(TuneTest):
         (self.folder / "switched.toml").write_text(text)
         result = self.run_ok("tune", "switched.toml", "-o", "t.toml", *QUICK, "--vary", "view_bias",
                              "--json")
-        self.assertIn("'off' lights no train receiver", result.stderr)
+        self.assertIn("left out, since no train receiver gets light in it: off", result.stderr)
         self.assertEqual([s["state"] for s in json.loads(result.stdout)["scores"]],
                          ["day", "dusk", "night"])
         refused = self.run_program("tune", "switched.toml", "-o", "u.toml", *QUICK, "--state", "off")
         self.assertEqual(refused.returncode, 2)
-        self.assertIn("'off', so there is no error", refused.stderr)
+        self.assertIn("in state off, so there is no error", refused.stderr)
 
     def test_held_out_states_alone(self):
         text = SCENE.replace('name = "day"', 'name = "day"\nsplit = "heldout"').replace(
             'name = "dusk"', 'name = "dusk"\nsplit = "heldout"')
         (self.folder / "heldout.toml").write_text(text)
         result = self.run_ok("tune", "heldout.toml", "-o", "t.toml", *QUICK, "--vary", "view_bias",
-                             "--rounds", 1)
+                             "--rounds", 1, "--json")
         self.assertIn("no state is a train state", result.stderr)
+        scores = json.loads(result.stdout)["scores"]
+        self.assertEqual({s["lights"] for s in scores}, {"train"})
+
+    def test_receivers_of_a_held_out_state(self):
+        text = SCENE.replace('name = "day"', 'name = "day"\nsplit = "heldout"')
+        (self.folder / "first.toml").write_text(text)
+        self.run_ok("receivers", "first.toml", "-o", "r.json", "--count", 192, "--spp", 256)
+        options = ("first.toml", "-o", "t.toml", *FIELD, "--receivers", "r.json", "--starts", 2,
+                   "--against", "rtxgi", "--vary", "view_bias", "--rounds", 1)
+        refused = self.run_program("tune", *options)
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn("'day', the state of the receivers, is held out", refused.stderr)
+        self.run_ok("tune", *options, "--state", "day")
 
     def test_one_state(self):
         result = self.tune("--state", "dusk", "--vary", "view_bias")
@@ -212,7 +242,7 @@ class Tune(TuneTest):
         text = self.run_ok("tune", "room.toml", "-o", "tuned.toml", *QUICK, "--vary",
                            "view_bias").stdout
         for words in ("view_bias", "round", "held-out receivers", "noise floor", "over tuned",
-                      "traced visibility", "settled"):
+                      "traced visibility", "settled", "step taken", "cross-validated on 4 folds"):
             self.assertIn(words, text)
 
 
@@ -235,6 +265,17 @@ class SeveralScenes(TuneTest):
         self.assertEqual(folds[1]["values"]["view_bias"], alone["parameters"][0]["tuned"])
         self.assertNotEqual(folds[0]["values"], folds[1]["values"])
         self.assertNotEqual(alone["parameters"][0]["tuned"], result["parameters"][0]["tuned"])
+
+    def test_from_three_scenes_on_folds_are_scenes(self):
+        (self.folder / "third.toml").write_text(SCENE.replace("0.5, 2.0, 0.5", "1.0, 1.5, -0.5"))
+        result = self.run_json("tune", "room.toml", "other.toml", "third.toml", "-o", "t.toml",
+                               *QUICK, "--vary", "view_bias", "--rounds", 1, "--folds", 2)
+        check = result["step_check"]
+        self.assertEqual(check["folds"], 3)
+        # Each scene counts for a third of the cost, and is a fold.
+        for costs in check["fold_costs"]:
+            self.assertAlmostEqual(3 * costs[0], result["cost"]["from"],
+                                   delta=0.1 * result["cost"]["from"])
 
     def test_the_shared_solution_outlives_a_signal(self):
         process = subprocess.Popen(
@@ -285,7 +326,8 @@ class Refusals(TuneTest):
 
     def test_what_would_have_no_effect(self):
         self.refuse("--starts", 100000, words=("--starts",))
-        self.refuse("--folds", 1, words=("--folds", "2 to 16"))
+        for folds in (1, 17, -1, "x"):
+            self.refuse("--folds", folds, words=("--folds", "2 to 16", "0 for none"))
         self.refuse("--vary", "none", "--compare-searches", 5, words=("--compare-searches",))
         self.refuse("--rays", 16, "--set", "rays=64", words=("--rays 16", "rays=64", "disagree"))
 

@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "tuning/solve.h"
 #include "tuning_helpers.h"
@@ -54,7 +56,7 @@ TEST(StepCheck, ASolutionThatIsTheTruthIsTakenWhole) {
   const FrozenState state = answeredState(truth, 600);
   const auto keys = innerKeys({"normal_bias", "view_bias"}, startParams());
   const TuneObjective objective{{&state, 1}, keys, startParams(), {}};
-  const StepCheck check = checkStep(objective, foldsByTurns(state), kFolds, solved);
+  const StepCheck check = checkStep(objective, foldsByTurns(state), kFolds, 0, solved);
   EXPECT_EQ(check.folds, kFolds);
   EXPECT_EQ(check.share, 1);
   // The folds make up the whole: before the step their costs sum to the objective's.
@@ -63,23 +65,57 @@ TEST(StepCheck, ASolutionThatIsTheTruthIsTakenWhole) {
   EXPECT_LT(check.costs.back(), 1e-3 * before);
 }
 
-// Light is right under the start's values but for noise, which the solution follows: of 12 draws
-// the whole step serves the points left out better than no step in few, and the share that is taken
-// makes less of what the noise costs.
+// Light is right under the start's values but for noise, which the solution follows: what was left
+// out is served worse by the whole step, and better by the share that is taken.
 TEST(StepCheck, ASolutionThatFollowsNoiseIsNotBelieved) {
   const auto keys = innerKeys(defaultKeys(startParams()), startParams());
-  double taken = 0, whole_rise = 0;
+  double taken = 0, whole_rise = 0, taken_rise = 0;
   constexpr int kDraws = 12;
   for (uint64_t draw = 0; draw < kDraws; ++draw) {
     FrozenState state = answeredState(startParams(), 80);
     addNoise(state, 0.3, draw);
     const TuneObjective objective{{&state, 1}, keys, startParams(), {}};
-    const StepCheck check = checkStep(objective, foldsByTurns(state), kFolds, solved);
+    const StepCheck check = checkStep(objective, foldsByTurns(state), kFolds, 0, solved);
+    const auto at = std::ranges::find(kStepShares, check.share) - std::begin(kStepShares);
     taken += check.share / kDraws;
     whole_rise += (check.costs.back() / check.costs.front() - 1) / kDraws;
+    taken_rise +=
+        (check.costs[static_cast<std::size_t>(at)] / check.costs.front() - 1) / kDraws;
   }
   EXPECT_GT(whole_rise, 0.01);
+  EXPECT_LE(taken_rise, 0);
   EXPECT_LT(taken, 0.4);
+}
+
+// By given solutions: the folds' costs are those of their own points at each share, and of shares
+// that are as good the smallest is taken.
+TEST(StepCheck, SharesAreJudgedOnThePointsLeftOut) {
+  Params truth = startParams();
+  truth.view_bias = 0.5;
+  const FrozenState state = answeredState(truth, 200);
+  const auto keys = innerKeys({"view_bias"}, startParams());
+  const TuneObjective objective{{&state, 1}, keys, startParams(), {}};
+  Params beyond = startParams();  // the truth is near to half of the way
+  beyond.view_bias = 2 * truth.view_bias - startParams().view_bias + 0.01;
+  const auto found = [&](const TuneObjective&) { return beyond; };
+  const StepCheck check = checkStep(objective, foldsByTurns(state), kFolds, 0, found);
+  EXPECT_EQ(check.share, 0.5);
+  ASSERT_EQ(check.fold_costs.size(), static_cast<std::size_t>(kFolds));
+  for (std::size_t i = 0; i < std::size(kStepShares); ++i) {
+    double sum = 0;
+    for (const std::vector<double>& costs : check.fold_costs) sum += costs[i];
+    const Params there = partOfStep(keys, startParams(), beyond, kStepShares[i]);
+    EXPECT_DOUBLE_EQ(sum, check.costs[i]);
+    EXPECT_NEAR(sum, scoreParams(objective, there).cost, 1e-12);
+  }
+  // The allowance makes a quarter do where its cost is within it.
+  const double quarter = check.costs[1] / check.costs[2] - 1;
+  EXPECT_EQ(checkStep(objective, foldsByTurns(state), kFolds, 1.01 * quarter, found).share, 0.25);
+  // Nothing says that a step which no fold takes should be taken.
+  const auto stay = [](const TuneObjective& others) { return others.base; };
+  const StepCheck still = checkStep(objective, foldsByTurns(state), kFolds, 0, stay);
+  EXPECT_EQ(still.share, 0);
+  for (const double cost : still.costs) EXPECT_EQ(cost, still.costs.front());
 }
 
 TEST(StepCheck, FoldsWithoutPointsAreLeftOut) {
@@ -96,12 +132,11 @@ TEST(StepCheck, FoldsWithoutPointsAreLeftOut) {
   std::vector<std::vector<int>> folds = foldsByTurns(state);
   for (int& fold : folds.front())
     if (fold != 0) fold = -1;
-  EXPECT_EQ(checkStep(objective, folds, kFolds, count).folds, 1);
+  EXPECT_EQ(checkStep(objective, folds, kFolds, 0, count).folds, 1);
   EXPECT_EQ(asked, 1);
   // Nothing is left to solve on, or to judge: the step is not checked, and taken.
   for (const int all : {0, -1}) {
-    const StepCheck check =
-        checkStep(objective, {std::vector<int>(100, all)}, kFolds, count);
+    const StepCheck check = checkStep(objective, {std::vector<int>(100, all)}, kFolds, 0, count);
     EXPECT_EQ(check.folds, 0);
     EXPECT_EQ(check.share, 1);
   }
@@ -120,6 +155,9 @@ TEST(StepCheck, PartsOfAStepAreInTheKeysCoordinates) {
   // Logarithmic: the half-way value lies below the mean.
   EXPECT_LT(half.chebyshev_power, (from.chebyshev_power + 20) / 2);
   EXPECT_GT(half.chebyshev_power, from.chebyshev_power);
+  // What no step changes keeps its very value.
+  to.chebyshev_power = from.chebyshev_power;
+  EXPECT_EQ(partOfStep(keys, from, to, 0.5).chebyshev_power, from.chebyshev_power);
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 
 #include <functional>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "tuning/objective.h"
@@ -16,19 +15,23 @@ namespace probelab {
 inline constexpr double kStepShares[] = {0, 0.25, 0.5, 0.75, 1};
 
 struct StepCheck {
-  int folds = 0;              // that had points on both sides; 0: there was nothing to check
-  std::vector<double> costs;  // [kStepShares], sum over the folds of the cost of their own points
-  double share = 1;           // that cost least; of equal ones the largest
+  int folds = 0;  // that were judged: with points of their own and more points than keys outside
+  std::vector<std::vector<double>> fold_costs;  // [fold][kStepShares], of its own points
+  std::vector<double> costs;                    // [kStepShares], their sum
+  double share = 1;  // that is to be taken; 1 where no fold could be judged
 };
 
-// `params` with a share of the way from `from` to `to` in the keys' coordinates, 0 and 1 exactly.
+// `from` with a share of the step to `to` in the keys' coordinates; 0 and 1, and what is equal in
+// both, exactly.
 Params partOfStep(std::span<const TunedKey> keys, const Params& from, const Params& to,
                   double share);
 
-// `fold_of` is [state][point], -1: in every problem and judged in none. `solve` returns the
-// parameters that it finds from `objective.base`; it is asked once a fold. The check starts from
-// `objective.base` too.
+// The share is the smallest that costs at most (1 + allowance) times the least: what hardly pays on
+// points left out may not pay elsewhere. `fold_of` is [state][point], -1: in every problem and
+// judged in none. `solve` returns the parameters that it finds, from `objective.base`; it is asked
+// once a fold. Steps start at `objective.base`.
 StepCheck checkStep(const TuneObjective& objective, const std::vector<std::vector<int>>& fold_of,
-                    int folds, const std::function<Params(const TuneObjective&)>& solve);
+                    int folds, double allowance,
+                    const std::function<Params(const TuneObjective&)>& solve);
 
 }  // namespace probelab
