@@ -97,6 +97,37 @@ class Tables:
         return table, [ours, LIGHTS[lights], str(probes), str(len(counted)), *middle,
                        least("ratio"), least("smape")]
 
+    def light_by_light(self):
+        """Best baseline over ours under each drawn light by itself, a row a layout, scene and N."""
+        table = [["layout", "scene", "N", "lights", "typical ratio", "better under",
+                  "worst light"]]
+        for ours in self.ours:
+            for probes in self.budgets():
+                typical = []
+                for scene in self.scenes:
+                    key = (scene, ours, probes, "drawn")
+                    seeds = self.results.seeds(*key)
+                    name, _ = self.best_baseline(scene, probes, "drawn", seeds)
+                    if name is None:
+                        continue
+                    pairs = [(base.get(light, 0.0), error) for base, own in zip(
+                        self.results.squares((scene, name, probes, "drawn"), seeds),
+                        self.results.squares(key, seeds)) for light, error in own.items()]
+                    ratios = [math.sqrt(base / own) for base, own in pairs if base > 0 and own > 0]
+                    if not ratios:
+                        continue
+                    errors = [own for _, own in pairs]
+                    table.append([ours, scene, str(probes), str(len(ratios)),
+                                  number(geometric_mean(ratios)),
+                                  f"{100 * mean([r > 1 for r in ratios]):.0f} %",
+                                  f"{100 * max(errors) / sum(errors):.0f} %"])
+                    if scene not in self.null:
+                        typical.append(geometric_mean(ratios))
+                if typical:
+                    table.append([ours, "geometric mean", str(probes), "",
+                                  number(geometric_mean(typical)), "", ""])
+        return table if len(table) > 1 else None
+
     def errors(self, probes, lights):
         """nrmse of every layout, a row a scene."""
         table = [["scene", *self.names]]
@@ -330,6 +361,13 @@ def report(study, rows, failures=()):
             if table:
                 parts += [f"## Budget at which {ours} meets the best baseline's error, over N: "
                           f"{title}", aligned(table)]
+    each = tables.light_by_light()
+    if each:
+        parts += ["## Light by light: drawn lights", aligned(each, 2),
+                  "The best baseline's nrmse over ours under one light at a time: *typical ratio*, "
+                  "the geometric mean of these; under how many of them ours is better; the share "
+                  "of the worst light in ours' squared error. The tables above have root mean "
+                  "squares over lights, in which a lamp beside a wall may outweigh all others."]
     readings = tables.readings()
     if readings:
         parts += ["## What reading bounds: gains over a layout's own reading, drawn lights",

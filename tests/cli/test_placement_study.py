@@ -180,6 +180,16 @@ class Report(unittest.TestCase):
         self.assertEqual(placement_report.error_ratio(0.2, 0, 0), float("inf"))
         self.assertEqual(placement_report.number(float("inf")), "inf")
 
+    def test_light_by_light(self):
+        # Ratios 2, 2 and 1/4, whose geometric mean is 1; one light has 16 of 18 parts of the error.
+        rows = [row("a", [0.04, 0.04, 0.01], lights="drawn"), row("b", [9, 9, 9], lights="drawn"),
+                row("ours", [0.01, 0.01, 0.16], lights="drawn")]
+        table = placement_report.Tables(self.STUDY, rows).light_by_light()
+        self.assertEqual(table[1], ["ours", "s", "8", "3", "1.00", "67 %", "89 %"])
+        self.assertEqual(table[2][1:5], ["geometric mean", "8", "", "1.00"])
+        same = placement_report.Tables(self.STUDY, [row("a", [0.04]), row("ours", [0.01])])
+        self.assertIsNone(same.light_by_light())
+
     def test_what_reading_bounds(self):
         rows = [row("ours", [0.01], lights="drawn", seed=seed,
                     reading={"nrmse": 0.4 * seed, "unseen": 0.2 * seed, "seen": 0.1 * seed})
