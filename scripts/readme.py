@@ -303,6 +303,17 @@ def drawn_ratio(which):
     return value
 
 
+def typical_ratio(probes):
+    """The scenes' geometric mean of ratios of `optimized` under one drawn light at a time."""
+    def value(published):
+        study = tomllib.loads((ROOT / "experiments/studies/placement.toml").read_text())
+        table = Tables(study, load_rows(published / "placement")).light_by_light()
+        middle, = (row[4] for row in table[1:]
+                   if row[:3] == ["optimized", "geometric mean", str(probes)])
+        return middle
+    return value
+
+
 def preset_bytes(row):
     def value(published):
         result = read_json(published / "pipeline" / "presets_cornell.json")
@@ -312,6 +323,7 @@ def preset_bytes(row):
 
 
 VALUES = {"placement.drawn.least": drawn_ratio(min), "placement.drawn.most": drawn_ratio(max),
+          "placement.typical.128": typical_ratio(128), "placement.typical.512": typical_ratio(512),
           "placement.leak.optimized": worst_leak("optimized"),
           "placement.leak.grid_best": worst_leak("grid_best"),
           "pipeline.bytes.probelab": preset_bytes("probelab"),
