@@ -14,7 +14,7 @@
 namespace probelab {
 namespace {
 
-constexpr std::size_t kScenesAsFolds = 3;  // from so many on
+constexpr std::size_t kScenesAsFolds = 3;  // among so many scenes and more each is a fold
 
 // [part][point]. Among several scenes each is a fold: what holds in the others should hold there.
 std::vector<std::vector<int>> foldsOf(const TuneProblem& problem, const HeldFields& held,
@@ -51,8 +51,6 @@ Params partOfSolution(const TuneProblem& problem, const Params& from, const Para
   return rounded(problem, partOfStep(problem.keys.inner, start, solved, share));
 }
 
-// `solved` with values of the start in their places, the cheapest first, while the cost stays below
-// (1 + parsimony) times the solution's.
 Params simplified(const TuneObjective& objective, const TuneProblem& problem, Params solved,
                   double parsimony) {
   const auto cost_of = [&](const Params& params) { return scoreParams(objective, params).cost; };

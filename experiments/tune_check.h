@@ -19,8 +19,9 @@ Params partOfSolution(const TuneProblem& problem, const Params& from, const Para
 Params simplified(const TuneObjective& objective, const TuneProblem& problem, Params solved,
                   double parsimony);
 
-// How much of the step from the start to `solved` holds where it was not sought. Each fold is solved
-// on from `solved`, since it is that valley which is in question; `count` gets the evaluations.
+// How much of the step from the start to `solved` holds where it was not sought. Each fold is
+// solved on from `solved`, since it is that valley which is in question; `count` gets the
+// evaluations.
 StepCheck checkSolution(const HeldFields& held, const TuneProblem& problem,
                         const TuneSettings& settings, const Params& solved, Tuned& count,
                         bool quiet);

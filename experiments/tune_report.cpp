@@ -199,7 +199,8 @@ std::string formatRounds(const Tuned& tuned) {
   for (const TuneRound& round : tuned.rounds)
     table.addRow({std::to_string(&round - tuned.rounds.data() + 1), formatNumber(round.before),
                   formatNumber(round.solved), formatNumber(round.after),
-                  fmt::format("{:g} %", 100 * round.step), fmt::format("{:.1f} %", 100 * round.moved)});
+                  fmt::format("{:g} %", 100 * round.step),
+                  fmt::format("{:.1f} %", 100 * round.moved)});
   return table.text();
 }
 
@@ -248,11 +249,13 @@ std::string formatSettled(const TuneOutcome& outcome) {
   const Tuned& t = outcome.tuned;
   if (outcome.names.empty()) return "nothing was to be tuned";
   if (outcome.problem.keys.inner.empty()) return "no rounds: the parameters change the atlases";
-  return t.settled ? fmt::format("after {} round{}", t.rounds.size(), t.rounds.size() == 1 ? "" : "s")
+  const char* plural = t.rounds.size() == 1 ? "" : "s";
+  return t.settled ? fmt::format("after {} round{}", t.rounds.size(), plural)
                    : fmt::format("no: --rounds {} were used up", t.rounds.size());
 }
 
-// "25 %, cross-validated on 4 folds: cost 0.0321 with none of it, 0.0319 with 25 %, 0.0326 with all".
+// "25 %, cross-validated on 4 folds: cost 0.0321 with none of it, 0.0319 with 25 %, 0.0326 with
+// all".
 std::string formatCheck(const TuneOutcome& outcome) {
   const StepCheck& check = outcome.tuned.check;
   if (outcome.problem.keys.inner.empty()) return "-";

@@ -23,9 +23,9 @@ struct TuneSettings {
   // A parameter stays as it was where going back to that raises the cost by less than this share,
   // of all that do together: what hardly matters here may matter under another light.
   double parsimony = 0.005;
-  // Cross-validation of the first solution (tuning/step_check.h) in so many folds of blocks of train
-  // receivers; from three scenes on each scene is a fold. Values go the share of the way that it
-  // says, with `parsimony` as its allowance. 0: they go all of it.
+  // Cross-validation of the first solution (tuning/step_check.h) in so many folds of blocks of
+  // train receivers; from three scenes on each scene is a fold. Values go the share of the way that
+  // it says, with `parsimony` as its allowance. 0: they go all of it.
   int folds = 4;
 };
 
@@ -62,7 +62,7 @@ struct Tuned {
   bool outer_kept = false;
   StepCheck check;    // of the first solution; its share holds for all of them
   SolveResult first;  // the multi-start solution
-  SolveResult local;  // at the end, of a single start: what is known of the train receivers' optimum
+  SolveResult local;  // at the end, of a single start: the train receivers' optimum
   int evaluations = 0, gradients = 0;
   double solve_s = 0;
 };

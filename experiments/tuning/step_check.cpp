@@ -75,7 +75,8 @@ StepCheck checkStep(const TuneObjective& objective, const std::vector<std::vecto
     ++check.folds;
   }
   if (check.folds == 0) return check;
-  const double allowed = (1 + allowance) * *std::min_element(check.costs.begin(), check.costs.end());
+  const double least = *std::min_element(check.costs.begin(), check.costs.end());
+  const double allowed = (1 + allowance) * least;
   const auto first = std::find_if(check.costs.begin(), check.costs.end(),
                                   [&](double cost) { return cost <= allowed; });
   check.share = kStepShares[first - check.costs.begin()];

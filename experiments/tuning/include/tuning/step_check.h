@@ -28,8 +28,8 @@ Params partOfStep(std::span<const TunedKey> keys, const Params& from, const Para
 
 // The share is the smallest that costs at most (1 + allowance) times the least: what hardly pays on
 // points left out may not pay elsewhere. `fold_of` is [state][point], -1: in every problem and
-// judged in none. `solve` returns the parameters that it finds, from `objective.base`; it is asked
-// once a fold. Steps start at `objective.base`.
+// judged in none. `solve` is asked once a fold and returns the parameters that it finds; steps lead
+// there from `objective.base`.
 StepCheck checkStep(const TuneObjective& objective, const std::vector<std::vector<int>>& fold_of,
                     int folds, double allowance,
                     const std::function<Params(const TuneObjective&)>& solve);
