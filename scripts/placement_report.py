@@ -301,9 +301,11 @@ def provenance(study, rows):
     def distinct(key):
         return ", ".join(sorted({str(r[key]) for r in rows if key in r}))
     settings = "; or ".join(sorted({r["settings"] for r in rows}))
+    seeds = f"receiver and layout seeds {distinct('seed')}"
+    if distinct("layout_seed") != distinct("seed"):
+        seeds = f"receiver seeds {distinct('seed')}, layout seeds {distinct('layout_seed')}"
     return (f"Device {distinct('device')}, tracer {distinct('tracer')}, version "
-            f"{distinct('version')}; {settings}; {distinct('jobs')} commands at a time; "
-            f"receiver and layout seeds {distinct('seed')}.")
+            f"{distinct('version')}; {settings}; {distinct('jobs')} commands at a time; {seeds}.")
 
 
 def comparison_sections(tables):

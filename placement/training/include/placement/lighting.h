@@ -30,9 +30,9 @@ struct LightingPlan {
   uint64_t seed = 0;
 };
 
-// The scene's states of the split, if they are wanted, then generated others. Kinds follow the scene: lamps (at points
-// of the reachable free space far from each other, those of one state too), suns (one a state,
-// directions from which the reachable space can be seen) and the sky alone; a scene without lights
+// The scene's states of the split, if they are wanted, then generated others. Kinds follow the
+// scene: lamps (at points of the reachable free space far from each other, those of one state too),
+// suns (one a state, directions from which the reachable space can be seen) and the sky alone; a scene without lights
 // of its own gets lamps. Fewer are generated where there would be more than kMostStates in all;
 // throws InputError where the scene's own are.
 //
