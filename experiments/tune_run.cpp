@@ -69,9 +69,13 @@ void noteRound(const Tuned& tuned, const Invocation& invocation) {
 HeldFields::HeldFields(TuneFields& fields, const TuneProblem& problem, const Params& params,
                        const ObjectiveSettings& settings)
     : keys_(problem.keys.inner), settings_(settings) {
+  const bool varies_parallax = std::ranges::any_of(
+      keys_, [](const TunedKey& key) { return key.value == &Params::parallax; });
   for (std::size_t i = 0; i < problem.parts.size(); ++i) {
     states_.push_back(*fields.frozen(problem.parts[i], params));
     states_.back().weight = problem.weights.empty() ? 1 : problem.weights[i];
+    // A field whose parallax is 0 leaves it out; asked for, it reads the same and has a derivative.
+    if (varies_parallax) states_.back().field.modes.parallax = 1;
   }
 }
 

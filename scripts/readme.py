@@ -106,6 +106,7 @@ def placement(published):
 
 SETTINGS = {"from": "`probelab`", "tuned": "tuned on the scene",
             "left_out": "tuned on the other scenes", "shared": "tuned on all scenes"}
+WITH_PARALLAX = {"tuned": "tuned on the scene, with `parallax`"}  # of a study of its own
 
 
 def seeds_text(seeds):
@@ -113,22 +114,39 @@ def seeds_text(seeds):
             else "One seed, whose intervals are over blocks of space alone")
 
 
-def tuning(published):
-    """The summary of tuning.md, a row a setting."""
-    found = summary(published / "tuning" / "tuning.md")
-    rows = [["parameters", "N", "scenes", "lights tuned on", "other lights", "light leak", "smape"]]
+def tuning_rows(found, settings):
+    """The summary of a tuning.md, a row a setting."""
+    rows = []
     budgets = sorted({probes for _, probes, _ in found})
-    for name, title, probes in ((*s, n) for s in SETTINGS.items() for n in budgets):
+    for name, title, probes in ((*s, n) for s in settings.items() for n in budgets):
         same, other = (found.get((name, probes, f"{l} lights")) for l in ("same", "held-out"))
         if same and other:
             rows.append([title, same[2], same[3], *(f"{c[4]} {c[5]}" for c in (same, other)),
                          *other[6:8]])
+    return rows
+
+
+def seeds_by_layout(folder):
     seeds = {}
-    for row in load_rows(published / "tuning"):
+    for row in load_rows(folder):
         seeds.setdefault(row["layout"], set()).add(row["seed"])
+    return seeds
+
+
+def tuning(published):
+    """The summaries of both studies of tuning."""
+    rows = [["parameters", "N", "scenes", "lights tuned on", "other lights", "light leak", "smape"]]
+    rows += tuning_rows(summary(published / "tuning" / "tuning.md"), SETTINGS)
+    seeds = seeds_by_layout(published / "tuning")
     about = seeds_text(seeds["tuned"])
     if "left_out" in seeds and seeds["left_out"] != seeds["tuned"]:
         about += "; on the other and on all scenes: " + seeds_text(seeds["left_out"]).lower()
+    aside = published / "tuning_parallax"
+    if aside.is_dir():
+        rows += tuning_rows(summary(aside / "tuning.md"), WITH_PARALLAX)
+        of_aside = seeds_by_layout(aside)["tuned"]
+        if of_aside != seeds["tuned"]:
+            about += "; with parallax: " + seeds_text(of_aside).lower()
     return f"{aligned(rows)}\n\n{about}.\n"
 
 

@@ -123,6 +123,8 @@ class TuningStudy(Runner):
             words += ["--compare-searches", searches["evaluations"]]
         if len(scenes) > 1:
             words.append("--leave-one-out")
+        elif study.get("fit_values"):
+            words += ["--fit-values", os.path.relpath(folder / "values.json")]
         self.run("tune", *scenes, "-o", os.path.relpath(folder / "tuned.toml"),
                  "--strategy", study["strategy"], "--probes", probes,
                  *start_words(study), "--rays", study["rays"], "--updates", study["updates"],
@@ -146,12 +148,19 @@ def share_of(result):
     return result["step_check"]["share"] if result["step_check"] else 1
 
 
+def fitted_values(found):
+    """Of a fit of texels to a light: held-out nrmse before and after, a state each."""
+    return [{"state": s["state"], "fitted": s["fitted"], **{
+        when: s["heldout"][when]["nrmse"] for when in ("before", "after")}}
+        for s in found["scores"]] if found else None
+
+
 def rows_of(common, result, names):
     values = {p["key"]: p["tuned"] for p in result["parameters"]}
     run = {"values": values, "parameters": result["parameters"], "rounds": len(result["rounds"]),
            "settled": result["settled"], "evaluations": result["evaluations"],
            "fields": result["fields"], "seconds": result["seconds"], "cost": result["cost"],
-           "share": share_of(result)}
+           "share": share_of(result), "fitted": fitted_values(result["values"])}
     if not result["leave_one_out"]:
         return [row for score in result["scores"]
                 for row in score_rows(common, names, score, {FROM: FROM, TUNED: TUNED}, run)]

@@ -152,6 +152,44 @@ def limits_table(tables, probes, lights):
     return table if len(table) > 1 else None
 
 
+def rms(values):
+    return math.sqrt(statistics.fmean(v * v for v in values))
+
+
+def fitted_table(study, rows, probes):
+    """Texels fitted to one light after tuning: held-out nrmse under it, and under the others."""
+    table = [["scene", "fitted to", "best preset", "tuned", "fitted", "best preset over fitted",
+              "tuned over fitted", "others: tuned", "others: fitted"]]
+    over_best, over_tuned = [], []
+    for scene, of in runs_of(rows, TUNED, probes).items():
+        runs = [r for r in of if r["run"].get("fitted")]
+        scores = [s for r in runs for s in r["run"]["fitted"]]
+        if not scores or any(s[when] is None for s in scores for when in ("before", "after")):
+            continue
+        state = next(s["state"] for s in scores if s["fitted"])
+        seeds = {r["seed"] for r in runs}
+        presets = {name: rms(found) for name in study["published"] if (found := [
+            r["nrmse"] for r in rows if (r["scene"], r["layout"], r["state"], r["probes"]) == (
+                scene, name, state, probes) and r["seed"] in seeds])}
+
+        def error(when, own):
+            found = [s[when] for s in scores if s["fitted"] == own]
+            return rms(found) if found else None
+
+        before, after = error("before", True), error("after", True)
+        best = min(presets, key=presets.get)
+        over_best.append(presets[best] / after)
+        over_tuned.append(before / after)
+        table.append([scene, state, f"{number(presets[best])} {best}", number(before),
+                      number(after), number(over_best[-1]), number(over_tuned[-1]),
+                      *(number(error(w, False)) for w in ("before", "after"))])
+    if len(table) == 1:
+        return None
+    table.append(["geometric mean", "", "", "", "", number(geometric_mean(over_best)),
+                  number(geometric_mean(over_tuned)), "", ""])
+    return table
+
+
 def costs_table(rows, probes):
     table = [["scene", "rounds", "settled", "step taken", "evaluations", "fields", "solve s",
               "most", "fields s"]]
@@ -220,6 +258,8 @@ def report(study, rows, failures=()):
         for name in (TUNED, LEFT_OUT):
             add(f"Values, {ABOUT[name]}, N = {probes}: medians [least, most] over seeds",
                 values_table(rows, name, probes))
+        add(f"Texels fitted to one light after tuning, for static lighting, N = {probes}: nrmse",
+            fitted_table(study, rows, probes), 2)
         add(f"Cost of a tuning, N = {probes}", costs_table(rows, probes))
     parts.append(provenance(study, rows))
     return "\n\n".join(parts) + "\n"

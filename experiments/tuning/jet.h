@@ -32,14 +32,15 @@ ceres::Jet<double, N> powParameter(const ceres::Jet<double, N>& x, const ceres::
   return ceres::Jet<double, N>(power, x.v * (e.a * power / x.a) + e.v * (power * std::log(x.a)));
 }
 
-// Of texels: neither they nor the exponent that decodes them depend on what is tuned.
+// Of texels, which depend on the parallax by where they are read; the exponent that decodes them is
+// not tuned.
 template <int N>
 Vec3<ceres::Jet<double, N>> powParameter(const Vec3<ceres::Jet<double, N>>& x,
-                                         const ceres::Jet<double, N>& e, int /*halves*/) {
-  using Jet = ceres::Jet<double, N>;
+                                         const ceres::Jet<double, N>& e, int halves) {
   if (e.a == 1) return x;
-  if (e.a == 0.5) return {Jet(std::sqrt(x.x.a)), Jet(std::sqrt(x.y.a)), Jet(std::sqrt(x.z.a))};
-  return {Jet(std::pow(x.x.a, e.a)), Jet(std::pow(x.y.a, e.a)), Jet(std::pow(x.z.a, e.a))};
+  if (e.a == 0.5) return {sqrt(x.x), sqrt(x.y), sqrt(x.z)};
+  return {powParameter(x.x, e, halves), powParameter(x.y, e, halves),
+          powParameter(x.z, e, halves)};
 }
 
 }  // namespace probelab

@@ -22,7 +22,7 @@ const std::vector<TunedKey>& queryKeys() {
       {"visibility_floor", &Params::visibility_floor, 0, 0.5, 1e-3},
       {"variance_bias", &Params::variance_bias, 0, 0.1, 1e-4},
       {"crush_threshold", &Params::crush_threshold, 0.01, 2, 0.01},
-      {"parallax", &Params::parallax, 0.01, 2, 0},
+      {"parallax", &Params::parallax, 0, 2, 0},
   };
   return keys;
 }
@@ -56,7 +56,6 @@ std::string whyIdle(const std::string& name, const Params& params, bool lattice)
        name == "backface_shortening" || name == "parallax") &&
       params.visibility == 0)
     return "visibility is false";
-  if (name == "parallax" && params.parallax == 0) return "parallax is 0: start above it";
   if (name == "crush_threshold" && params.crush == PL_CRUSH_NONE) return "crush is none";
   if ((name == "relocation_limit" || name == "relocation_front") && params.relocation == 0)
     return "relocation is false";

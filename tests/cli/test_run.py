@@ -298,7 +298,8 @@ class RunTest(CliTest):
 
     def test_studies_of_other_scripts_are_named(self):
         for name, script in (("overview", "overview"), ("placement_ablation", "placement"),
-                             ("tuning", "tuning"), ("pipeline", "pipeline")):
+                             ("tuning", "tuning"), ("tuning_parallax", "tuning"),
+                             ("pipeline", "pipeline")):
             path = SOURCE / f"experiments/studies/{name}.toml"
             self.assertIn(f"scripts/{script}.py runs it", self.run_fails(2, "run", path))
 

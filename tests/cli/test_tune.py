@@ -201,6 +201,17 @@ class Tune(TuneTest):
         self.assertEqual(len({*tried, 200}), 4)  # none twice
         self.assertLessEqual(result["cost"]["tuned"], result["cost"]["from"])
 
+    def test_parallax_from_0(self):
+        # The preset leaves it out; varied, it reads the same at 0 and has a derivative there.
+        result = self.tune("--vary", "parallax", "--folds", 0)
+        value, = result["parameters"]
+        self.assertEqual((value["from"], value["low"]), (0, 0))
+        self.assertGreater(value["tuned"], 0)
+        self.assertIsNotNone(value["standard_deviation"])
+        self.assertLess(result["cost"]["tuned"], result["cost"]["from"])
+        other = self.tune("--vary", "view_bias", "--folds", 0)
+        self.assertAlmostEqual(result["cost"]["from"] / other["cost"]["from"], 1, 12)
+
     def test_report_and_map(self):
         (self.folder / "report").mkdir()
         result = self.tune("--vary", "normal_bias,view_bias", "--report", "report", "--bias-map",

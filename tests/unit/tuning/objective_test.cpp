@@ -39,14 +39,15 @@ std::vector<double> valuesAt(const TuneObjective& objective, std::vector<double>
 
 // Every derivative is the central difference, or, where a kink lies within a step of the point, the
 // difference to one side.
-void expectDerivatives(const FrozenState& state, const Params& base, bool lattice) {
+void expectDerivatives(FrozenState& state, const Params& base, bool lattice) {
   std::vector<std::string> names = {"normal_bias",     "view_bias",        "facing_offset",
                                     "chebyshev_power", "visibility_floor", "variance_bias",
-                                    "crush_threshold"};
+                                    "crush_threshold", "parallax"};
+  state.field.modes.parallax = 1;  // whatever its value
   if (lattice) names.push_back("trilinear_floor");
   const auto keys = innerKeys(names, base);
   const TuneObjective objective{{&state, 1}, keys, base, {.leak = 1, .shadow = 0.7, .robust = 0.5}};
-  const std::vector<double> x = {0.31, 0.22, 0.4, 0.47, 0.35, 0.3, 0.52, 0.28};
+  const std::vector<double> x = {0.31, 0.22, 0.4, 0.47, 0.35, 0.3, 0.52, 0.37, 0.28};
   const std::vector<double> at(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(names.size()));
   const Evaluated e = evaluate(objective, at);
   constexpr double kStep = 1e-6;  // its rounding: 1e-16 / 1e-6; its curvature: 1e-6 f''
@@ -76,8 +77,8 @@ class Derivatives : public testing::TestWithParam<const char*> {};
 
 TEST_P(Derivatives, AgreeWithDifferencesOnALattice) {
   Params params = loadParams(GetParam());
-  const FrozenState state = stateOf(roomSnapshot(room(), test::roomLattice(room()), params),
-                                    roomPoints(room(), 400, 1), params);
+  FrozenState state = stateOf(roomSnapshot(room(), test::roomLattice(room()), params),
+                              roomPoints(room(), 400, 1), params);
   ASSERT_TRUE(std::any_of(state.points.begin(), state.points.end(),
                           [](const TunePoint& p) { return p.dark; }));
   expectDerivatives(state, params, true);
@@ -85,8 +86,8 @@ TEST_P(Derivatives, AgreeWithDifferencesOnALattice) {
 
 TEST_P(Derivatives, AgreeWithDifferencesOnScatteredProbes) {
   Params params = loadParams(GetParam());
-  const FrozenState state = stateOf(roomSnapshot(room(), test::roomScattered(room()), params),
-                                    roomPoints(room(), 400, 2), params);
+  FrozenState state = stateOf(roomSnapshot(room(), test::roomScattered(room()), params),
+                              roomPoints(room(), 400, 2), params);
   expectDerivatives(state, params, false);
 }
 

@@ -14,7 +14,7 @@ using Names = std::vector<std::string>;
 
 const Names kQueryKeys = {"normal_bias",     "view_bias",       "facing_offset",
                           "trilinear_floor", "chebyshev_power", "visibility_floor",
-                          "variance_bias",   "crush_threshold"};
+                          "variance_bias",   "crush_threshold", "parallax"};
 
 std::string refusal(const Names& names, const Params& params, bool lattice = true) {
   try {
@@ -29,7 +29,7 @@ TEST(TunedKeys, EveryPresetsValuesSurviveTheCoordinates) {
   for (const std::string& preset : {"rtxgi", "probelab", "gdc2019", "majercik2021"}) {
     const Params params = loadParams(preset);
     const auto keys = tunedKeys(kQueryKeys, params).inner;
-    ASSERT_EQ(keys.size(), 8u);
+    ASSERT_EQ(keys.size(), 9u);
     Params back = params;
     setCoordinates(keys, toCoordinates(keys, params), back);
     for (const TunedKey& key : keys) {

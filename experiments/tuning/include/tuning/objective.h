@@ -45,7 +45,7 @@ struct ObjectiveSettings {
 
 struct TuneObjective {
   std::span<const FrozenState> states;
-  std::span<const TunedKey> keys;  // of tunedKeys, 1 to 8
+  std::span<const TunedKey> keys;  // of tunedKeys, 1 to 9
   Params base;                     // values of everything that is not a key
   ObjectiveSettings settings;
 };
