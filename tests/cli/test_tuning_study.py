@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """scripts/tuning.py: runs what is missing, keeps what is done, and knows what folds started from."""
 import json
+import statistics
 import subprocess
 import sys
 import unittest
@@ -77,6 +78,25 @@ class TuningStudy(CliTest):
                          (self.results / "tuning.md").read_text())
         self.assertTrue((published / "rows.jsonl.xz").is_file())
         self.assertTrue((published / "cornell_8_1/tuned.toml").is_file())
+
+    def test_texels_fitted_after_tuning(self):
+        self.write(STUDY.replace("rays = 16", "fit_values = true\nrays = 16"))
+        done = self.study("--scenes", "cornell", "--parts", "scenes")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        _, rest = done.stdout.split("## Texels fitted to one light")
+        row, = (line for line in rest.split("\n##")[0].splitlines() if "cornell" in line)
+        cells = [cell.strip() for cell in row.strip("|").split("|")]
+        tuned = json.loads((self.results / "reports/cornell_8_1/tune.json").read_text())
+        first, *others = tuned["values"]["scores"]
+        self.assertEqual(cells[1], first["state"])
+        preset, = (s["heldout"]["nrmse"] for score in tuned["scores"] for s in score["settings"]
+                   if score["state"] == first["state"] and s["setting"] == "rtxgi")
+        before, after = (first["heldout"][when]["nrmse"] for when in ("before", "after"))
+        wanted = [preset, before, after, preset / after, before / after]
+        wanted += [statistics.fmean(s["heldout"][when]["nrmse"] ** 2 for s in others) ** 0.5
+                   for when in ("before", "after")]
+        for cell, value in zip(cells[2:], wanted):
+            self.assertAlmostEqual(float(cell.split()[0]) / value, 1, delta=0.006, msg=row)
 
     def test_usage(self):
         for options, word in ((("--parts", "senes"), "senes"), (("--scenes", "nowhere"), "nowhere")):
