@@ -24,9 +24,10 @@ ALL = "all"  # the scenes of leave-one-out, in place of one's name
 
 
 def folds_of(study):
-    """The study as its leave-one-out runs it, whose start may be another."""
-    start = study.get("leave_one_out", {}).get("set")
-    return {**study, "set": start} if start else study
+    """The study as its leave-one-out runs it: from another start, and without cross-validation,
+    where its section says so."""
+    own = study.get("leave_one_out", {})
+    return {**study, **{key: own[key] for key in ("set", "folds") if key in own}}
 
 
 def rows_that_count(study, rows):
