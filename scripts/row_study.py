@@ -118,6 +118,21 @@ def arguments(name, about, parts):
     return parser
 
 
+def load(path):
+    """A study; keys of its own stand before those of the file beside it that `base` names."""
+    study = tomllib.loads(path.read_text())
+    if "base" not in study:
+        return study
+    file = path.parent / str(study.pop("base"))
+    try:
+        base = tomllib.loads(file.read_text())
+    except (OSError, ValueError) as error:
+        raise ValueError(f"base '{file.name}': {error}") from error
+    if "base" in base:
+        raise ValueError(f"base '{file.name}' has a base itself")
+    return {**base, **study}
+
+
 def parse(parser, parts, narrowed):
     """(options, study), with options.narrowed as `narrowed(study, options, parser)` says, which
     raises KeyError for what the study lacks."""
@@ -129,7 +144,7 @@ def parse(parser, parts, narrowed):
     if not options.report and not options.program.exists():
         parser.error(f"{options.program}: not built yet; scripts/run builds it")
     try:
-        study = tomllib.loads(options.study.read_text())
+        study = load(options.study)
         options.narrowed = narrowed(study, options, parser)
     except (OSError, ValueError) as error:
         parser.error(f"{options.study}: {error}")

@@ -109,6 +109,20 @@ class TuningStudy(CliTest):
         self.write(STUDY)
         self.assertEqual(self.study("--report").returncode, 2)
 
+    def test_a_study_on_another_one(self):
+        (self.folder / "base.toml").write_text(STUDY)
+        self.write('base = "base.toml"\nscenes = ["scenes/cornell/scene.toml"]\n')
+        done = self.study("--parts", "scenes")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        rows = [json.loads(line) for line in (self.results / "rows.jsonl").read_text().splitlines()]
+        self.assertEqual({(r["scene"], r["probes"]) for r in rows}, {("cornell", 8)})
+        for name, word in (("study.toml", "has a base itself"), ("none.toml", "No such file")):
+            self.write(f'base = "{name}"\n')
+            result = self.study("--report")
+            self.assertEqual(result.returncode, 2)
+            self.assertIn(f"base '{name}'", result.stderr)
+            self.assertIn(word, result.stderr)
+
 
 if __name__ == "__main__":
     unittest.main()
