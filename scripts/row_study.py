@@ -19,6 +19,7 @@ from overview import ROOT
 from placement_rows import load_rows
 from whole_output import InputError, object_of
 
+BY_STUDY = pathlib.Path()  # a folder named after the study
 ERRORS = ["nrmse", "smape", "bias", "light_leak", "shadow_leak", "dark_leak"]
 
 
@@ -100,8 +101,8 @@ def arguments(name, about, parts):
     parser.add_argument("--study", type=pathlib.Path,
                         default=ROOT / f"experiments/studies/{name}.toml")
     parser.add_argument("--program", type=pathlib.Path, default=ROOT / "build/release/probelab")
-    parser.add_argument("--results", type=pathlib.Path, default=ROOT / f"results/runs/{name}",
-                        help=f"folder for the results (default: results/runs/{name})")
+    parser.add_argument("--results", type=pathlib.Path,
+                        help="folder for the results (default: results/runs/<name of the study>)")
     parser.add_argument("--cache", type=pathlib.Path,
                         help="folder of truth and layouts (default: cache, beside the results)")
     parser.add_argument("--parts", default=",".join(parts),
@@ -111,19 +112,23 @@ def arguments(name, about, parts):
     parser.add_argument("--probes", help="these budgets, 128,512")
     parser.add_argument("--report", action="store_true",
                         help="run nothing: the tables from all results that are there")
-    parser.add_argument("--publish", type=pathlib.Path, nargs="?", metavar="DIR",
-                        const=ROOT / f"results/published/{name}",
-                        help=f"copy report, figures, rows (default: results/published/{name})")
+    parser.add_argument("--publish", type=pathlib.Path, nargs="?", metavar="DIR", const=BY_STUDY,
+                        help="copy report, figures, rows (default: results/published/<name of the "
+                        "study>)")
     parser.add_argument("--device", help="Vulkan device, see 'probelab info'")
     return parser
 
 
 def load(path):
-    """A study; keys of its own stand before those of the file beside it that `base` names."""
+    """A study; keys and tables of its own stand, whole, in place of those of the file beside it
+    that `base` names."""
     study = tomllib.loads(path.read_text())
     if "base" not in study:
         return study
-    file = path.parent / str(study.pop("base"))
+    name = study.pop("base")
+    if not isinstance(name, str):
+        raise ValueError(f"base = {name!r}: a file's name is needed")
+    file = path.parent / name
     try:
         base = tomllib.loads(file.read_text())
     except (OSError, ValueError) as error:
@@ -137,6 +142,10 @@ def parse(parser, parts, narrowed):
     """(options, study), with options.narrowed as `narrowed(study, options, parser)` says, which
     raises KeyError for what the study lacks."""
     options = parser.parse_args()
+    if options.results is None:
+        options.results = ROOT / "results/runs" / options.study.stem
+    if options.publish == BY_STUDY:
+        options.publish = ROOT / "results/published" / options.study.stem
     options.parts = options.parts.split(",")
     for part in options.parts:
         if part not in parts:
@@ -189,14 +198,14 @@ def whole_numbers(text, what, parser):
     return [int(word) for word in words]
 
 
-def publish(folder, target, files):
-    """Copies files, {name: where it lies in the folder}, those that there are, and the rows."""
+def publish(folder, target, files, rows):
+    """Copies files, {name: where it lies in the folder}, those that there are, beside the rows."""
+    target.mkdir(parents=True, exist_ok=True)
     for name, source in files.items():
         if (folder / source).exists():
             (target / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(folder / source, target / name)
-    if (folder / "rows.jsonl").exists():
-        (target / "rows.jsonl.xz").write_bytes(lzma.compress((folder / "rows.jsonl").read_bytes()))
+    (target / "rows.jsonl.xz").write_bytes(lzma.compress(lines_of(rows).encode()))
 
 
 def run_study(name, options, study, steps):
@@ -233,8 +242,11 @@ def run_study(name, options, study, steps):
         say(name, f"failed: {unit}: {why}")
     if not finished:
         say(name, "interrupted; finished runs are kept, the same command goes on")
-    if options.publish:
-        publish(folder, options.publish, {f"{name}.md": f"{name}.md", **steps.published(study)})
+    if options.publish and counted:
+        publish(folder, options.publish, {f"{name}.md": f"{name}.md", **steps.published(study)},
+                counted)
+    elif options.publish:
+        say(name, "nothing is published: there are no rows")
     print(folder / f"{name}.md")
     return 130 if not finished else 1 if failures else 0
 

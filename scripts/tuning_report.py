@@ -153,40 +153,48 @@ def limits_table(tables, probes, lights):
 
 
 def rms(values):
+    """None where one is missing, or all."""
+    if not values or None in values:
+        return None
     return math.sqrt(statistics.fmean(v * v for v in values))
 
 
-def fitted_table(study, rows, probes):
+def fitted_table(tables, study, rows, probes):
     """Texels fitted to one light after tuning: held-out nrmse under it, and under the others."""
-    table = [["scene", "fitted to", "best preset", "tuned", "fitted", "best preset over fitted",
-              "tuned over fitted", "others: tuned", "others: fitted"]]
+    table = [["scene", "seeds", "fitted to", "best preset", "tuned", "fitted",
+              "best preset over fitted", "tuned over fitted", "others: tuned", "others: fitted"]]
     over_best, over_tuned = [], []
     for scene, of in runs_of(rows, TUNED, probes).items():
         runs = [r for r in of if r["run"].get("fitted")]
         scores = [s for r in runs for s in r["run"]["fitted"]]
-        if not scores or any(s[when] is None for s in scores for when in ("before", "after")):
+        if not scores:
             continue
         state = next(s["state"] for s in scores if s["fitted"])
         seeds = {r["seed"] for r in runs}
-        presets = {name: rms(found) for name in study["published"] if (found := [
-            r["nrmse"] for r in rows if (r["scene"], r["layout"], r["state"], r["probes"]) == (
-                scene, name, state, probes) and r["seed"] in seeds])}
 
         def error(when, own):
-            found = [s[when] for s in scores if s["fitted"] == own]
-            return rms(found) if found else None
+            return rms([s[when] for s in scores if s["fitted"] == own])
 
+        def preset(name):
+            return rms([r["nrmse"] for r in rows if r["seed"] in seeds and (
+                r["scene"], r["layout"], r["state"], r["probes"]) == (scene, name, state, probes)])
+
+        presets = {name: preset(name) for name in study["published"]}
+        known = {name: value for name, value in presets.items() if value is not None}
+        best = min(known, key=known.get, default=None)
         before, after = error("before", True), error("after", True)
-        best = min(presets, key=presets.get)
-        over_best.append(presets[best] / after)
-        over_tuned.append(before / after)
-        table.append([scene, state, f"{number(presets[best])} {best}", number(before),
-                      number(after), number(over_best[-1]), number(over_tuned[-1]),
-                      *(number(error(w, False)) for w in ("before", "after"))])
+        ratios = [value / after if value is not None and after else None
+                  for value in (known.get(best), before)]
+        if scene not in tables.null:
+            over_best.append(ratios[0])
+            over_tuned.append(ratios[1])
+        table.append([scene, str(len(seeds)), state, f"{number(known.get(best))} {best or ''}",
+                      *map(number, (before, after, *ratios)),
+                      *(number(error(when, False)) for when in ("before", "after"))])
     if len(table) == 1:
         return None
-    table.append(["geometric mean", "", "", "", "", number(geometric_mean(over_best)),
-                  number(geometric_mean(over_tuned)), "", ""])
+    table.append(["geometric mean", *[""] * 5,
+                  *(number(geometric_mean(of)) for of in (over_best, over_tuned)), "", ""])
     return table
 
 
@@ -259,7 +267,7 @@ def report(study, rows, failures=()):
             add(f"Values, {ABOUT[name]}, N = {probes}: medians [least, most] over seeds",
                 values_table(rows, name, probes))
         add(f"Texels fitted to one light after tuning, for static lighting, N = {probes}: nrmse",
-            fitted_table(study, rows, probes), 2)
+            fitted_table(tables, study, rows, probes), 3)
         add(f"Cost of a tuning, N = {probes}", costs_table(rows, probes))
     parts.append(provenance(study, rows))
     return "\n\n".join(parts) + "\n"

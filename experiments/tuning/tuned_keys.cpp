@@ -10,6 +10,8 @@
 namespace probelab {
 namespace {
 
+constexpr double kAtEnd = 1e-6;  // a coordinate so near to an end of its range is there
+
 // Ranges hold every preset and NVIDIA's own scenes (normal bias .03 to .30, view bias .18 to .80 of
 // the spacing) with room on both sides. A weight before the crush is at most 1 + facing_offset.
 const std::vector<TunedKey>& queryKeys() {
@@ -81,8 +83,9 @@ std::string joined(const std::vector<std::string>& names) {
   std::vector<std::string> known;
   for (const ParamInfo& info : paramTable()) known.push_back(info.key);
   if (std::find(known.begin(), known.end(), name) == known.end())
-    throwInput("unknown parameter '{}'{}", name, suggestion(name, known));
-  throwInput("{} cannot be tuned on converged fields; these can: {}", name, joined(tunableNames()));
+    throwInput("--vary: unknown parameter '{}'{}", name, suggestion(name, known));
+  throwInput("--vary: {} cannot be tuned on converged fields; these can: {}", name,
+             joined(tunableNames()));
 }
 
 }  // namespace
@@ -98,13 +101,13 @@ KeySplit tunedKeys(std::span<const std::string> names, const Params& params, boo
   KeySplit split;
   for (auto name = names.begin(); name != names.end(); ++name) {
     if (std::find(names.begin(), name, *name) != name)
-      throwInput("parameter {} is named twice", *name);
+      throwInput("--vary: parameter {} is named twice", *name);
     const auto is_named = [&](const auto& key) { return key.name == *name; };
     const auto inner = std::find_if(queryKeys().begin(), queryKeys().end(), is_named);
     const auto outer = std::find_if(atlasKeys().begin(), atlasKeys().end(), is_named);
     if (inner == queryKeys().end() && outer == atlasKeys().end()) refuseName(*name);
     if (const std::string why = whyIdle(*name, params, lattice); !why.empty())
-      throwInput("{} has no effect: {}; leave it out or change that", *name, why);
+      throwInput("--vary: {} has no effect: {}; leave it out or change that", *name, why);
     if (outer != atlasKeys().end()) {
       split.outer.push_back(*outer);
       continue;
@@ -119,7 +122,10 @@ KeySplit tunedKeys(std::span<const std::string> names, const Params& params, boo
 
 double keyValue(const TunedKey& key, double x) {
   const double range = key.high - key.low;
-  if (x >= 1) return key.high;  // without rounding
+  // Without rounding; and the sigmoid of the search comes near the ends alone, where what a value of
+  // 0 leaves out of the query would still be there.
+  if (x > 1 - kAtEnd) return key.high;
+  if (x < kAtEnd) return key.low;
   if (key.knee == 0) return key.low + range * x;
   return key.low + key.knee * std::expm1(x * std::log1p(range / key.knee));
 }

@@ -317,9 +317,9 @@ class Refusals(TuneTest):
         self.assert_refused("tune", scene, "-o", output, "--quiet", *options, words=words)
 
     def test_keys(self):
-        self.refuse("--vary", "normal_bais", words=("normal_bais", "normal_bias"))
-        self.refuse("--vary", "view_bias,view_bias", words=("view_bias", "twice"))
-        self.refuse("--vary", "relocation", words=("relocation", "cannot be tuned"))
+        self.refuse("--vary", "normal_bais", words=("--vary", "normal_bais", "normal_bias"))
+        self.refuse("--vary", "view_bias,view_bias", words=("--vary", "view_bias", "twice"))
+        self.refuse("--vary", "relocation", words=("--vary", "relocation", "cannot be tuned"))
         self.refuse("--vary", "crush_threshold", "--set", "crush=none",
                     words=("crush_threshold", "no effect"))
 

@@ -46,6 +46,8 @@ TEST(TunedKeys, TheEndsAreReachedExactlyAndTheSlopeIsTheValuesOwn) {
   for (const TunedKey& key : tunedKeys(kQueryKeys, params).inner) {
     EXPECT_EQ(keyValue(key, 0), key.low) << key.name;
     EXPECT_EQ(keyValue(key, 1), key.high) << key.name;
+    EXPECT_EQ(keyValue(key, 1e-9), key.low) << key.name;
+    EXPECT_EQ(keyValue(key, 1 - 1e-9), key.high) << key.name;
     for (const double x : {0.05, 0.3, 0.9}) {
       const double h = 1e-5;
       const double slope = (keyValue(key, x + h) - keyValue(key, x - h)) / (2 * h);

@@ -45,7 +45,7 @@ struct KeySplit {
 // scattered probes (trilinear_floor) or on a converged field (hysteresis).
 KeySplit tunedKeys(std::span<const std::string> names, const Params& params, bool lattice = true);
 
-double keyValue(const TunedKey& key, double x);
+double keyValue(const TunedKey& key, double x);  // its ends within 1e-6 of them
 double keySlope(const TunedKey& key, double x);           // of the value by x
 double keyCoordinate(const TunedKey& key, double value);  // held to [0, 1]
 
