@@ -217,14 +217,14 @@ def run_study(name, options, study, steps):
     folder = options.results.resolve()
     options.publish = options.publish and options.publish.resolve()
     os.chdir(ROOT)
-    folder.mkdir(parents=True, exist_ok=True)
     failures, finished = {}, True
     if options.report:
-        rows = load_rows(folder)
+        rows = load_rows(folder) if folder.is_dir() else []
         if not rows:
             say(name, f"{folder}: no results there")
             return 2
     else:
+        folder.mkdir(parents=True, exist_ok=True)
         finished, runner = steps.run(folder)
         rows, failures = runner.rows, runner.failures
         # Budgets that were asked for count though the study has others.

@@ -78,6 +78,12 @@ class TuningStudy(CliTest):
                          (self.results / "tuning.md").read_text())
         self.assertTrue((published / "rows.jsonl.xz").is_file())
         self.assertTrue((published / "cornell_8_1/tuned.toml").is_file())
+        # Rows of other settings are not published; a study without any of its own replaces nothing.
+        before = (published / "rows.jsonl.xz").read_bytes()
+        self.write(STUDY.replace("updates = 2", "updates = 3"))
+        result = self.study("--report", "--publish", published)
+        self.assertIn("nothing is published", result.stderr)
+        self.assertEqual((published / "rows.jsonl.xz").read_bytes(), before)
 
     def test_texels_fitted_after_tuning(self):
         self.write(STUDY.replace("rays = 16", "fit_values = true\nrays = 16"))
@@ -88,15 +94,28 @@ class TuningStudy(CliTest):
         cells = [cell.strip() for cell in row.strip("|").split("|")]
         tuned = json.loads((self.results / "reports/cornell_8_1/tune.json").read_text())
         first, *others = tuned["values"]["scores"]
-        self.assertEqual(cells[1], first["state"])
+        self.assertEqual(cells[1:3], ["1", first["state"]])
         preset, = (s["heldout"]["nrmse"] for score in tuned["scores"] for s in score["settings"]
                    if score["state"] == first["state"] and s["setting"] == "rtxgi")
         before, after = (first["heldout"][when]["nrmse"] for when in ("before", "after"))
         wanted = [preset, before, after, preset / after, before / after]
         wanted += [statistics.fmean(s["heldout"][when]["nrmse"] ** 2 for s in others) ** 0.5
                    for when in ("before", "after")]
-        for cell, value in zip(cells[2:], wanted):
+        for cell, value in zip(cells[3:], wanted):
             self.assertAlmostEqual(float(cell.split()[0]) / value, 1, delta=0.006, msg=row)
+
+        # Values that are missing, a preset without rows, a scene that does not count.
+        path = self.results / "rows.jsonl"
+        rows = [json.loads(line) for line in path.read_text().splitlines()]
+        for score in (s for r in rows if r["layout"] == "tuned" for s in r["run"]["fitted"]):
+            score["after"] = 0 if score["fitted"] else None
+        path.write_text("".join(json.dumps(r) + "\n" for r in rows))
+        self.write('null_scenes = ["cornell"]\n' + STUDY.replace('["rtxgi"]', '["gdc2019"]'))
+        done = self.study("--report")
+        self.assertEqual(done.returncode, 0, done.stderr)
+        table = done.stdout.split("## Texels fitted to one light")[1].split("\n##")[0]
+        row, = (line for line in table.splitlines() if "cornell" in line)
+        self.assertEqual([c.strip() for c in row.strip("|").split("|")][5:8], ["0", "-", "-"])
 
     def test_usage(self):
         for options, word in ((("--parts", "senes"), "senes"), (("--scenes", "nowhere"), "nowhere")):
@@ -108,6 +127,15 @@ class TuningStudy(CliTest):
                       self.study().stderr)
         self.write(STUDY)
         self.assertEqual(self.study("--report").returncode, 2)
+
+    def test_folders_are_named_after_the_study(self):
+        (self.folder / "nowhere_yet.toml").write_text(STUDY)
+        done = subprocess.run([sys.executable, "-B", SOURCE / "scripts/tuning.py", "--study",
+                               self.folder / "nowhere_yet.toml", "--report"], capture_output=True,
+                              text=True, timeout=60)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("results/runs/nowhere_yet: no results there", done.stderr)
+        self.assertFalse((SOURCE / "results/runs/nowhere_yet").exists())
 
     def test_a_study_on_another_one(self):
         (self.folder / "base.toml").write_text(STUDY)
