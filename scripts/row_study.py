@@ -19,7 +19,7 @@ from overview import ROOT
 from placement_rows import load_rows
 from whole_output import InputError, object_of
 
-BY_STUDY = ""  # a folder named after the study; no path is equal to it
+BY_STUDY = object()  # a folder named after the study; no path is equal to it
 ERRORS = ["nrmse", "smape", "bias", "light_leak", "shadow_leak", "dark_leak"]
 
 
