@@ -175,7 +175,7 @@ class RunTest(CliTest):
                 return
             time.sleep(0.01)
 
-    def test_killed_and_continued_equals_uninterrupted(self):
+    def test_killed_and_continued_equals_one_that_two_share(self):
         process = self.start("killed")
         for done in (2, 5, 9):
             self.wait_for_cells("killed", done, process)
@@ -186,27 +186,21 @@ class RunTest(CliTest):
             process = self.start("killed")
         _, error = process.communicate()
         self.assertEqual(process.returncode, 0, error)
-        whole = self.start("whole")
-        _, error = whole.communicate()
-        self.assertEqual(whole.returncode, 0, error)
-        left_over = [p for p in (self.folder / "killed/cells").iterdir() if p.suffix != ".json"]
-        for path in left_over:
-            path.unlink()
-        self.assertEqual(self.cells("killed"), self.cells("whole"))
-        self.assertEqual(len(self.cells("whole")), 16)
-
-    def test_two_at_once_share_the_work(self):
         both = [self.start("shared") for _ in range(2)]
         told = []
         for process in both:
             text, error = process.communicate()
             self.assertEqual(process.returncode, 0, error)
             told.append(json.loads(text))
-        self.assertEqual(len(self.cells("shared")), 16)
         self.assertEqual(sum(t["done"] for t in told), 16)
         for t in told:
             self.assertEqual(t["done"] + t["found"], 16)
             self.assertGreater(t["done"], 0)
+        left_over = [p for p in (self.folder / "killed/cells").iterdir() if p.suffix != ".json"]
+        for path in left_over:
+            path.unlink()
+        self.assertEqual(self.cells("killed"), self.cells("shared"))
+        self.assertEqual(len(self.cells("shared")), 16)
 
     def smoke(self):
         return subprocess.Popen([PROGRAM, "run", "study.toml", "--size", "smoke", "--cache", "cache",
