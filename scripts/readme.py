@@ -100,7 +100,9 @@ def placement(published):
                       else f"one seed of N = {n}"
                       for n in sorted(seeds) if any(row[1] == str(n) for row in rows))
     about += ". Intervals are over blocks of space or drawn lights"
-    about += " and seeds" if any(len(of) > 1 for of in seeds.values()) else " alone"
+    several = [len(of) > 1 for of in seeds.values()]
+    about += (" and seeds" if all(several) else ", and over seeds where there are several"
+              if any(several) else " alone")
     return aligned(rows) + "\n\n" + about[:1].upper() + about[1:] + ".\n"
 
 

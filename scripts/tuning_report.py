@@ -129,6 +129,13 @@ def values_table(rows, name, probes):
     return table
 
 
+def rms(values):
+    """None where one is missing, or all."""
+    if not values or None in values:
+        return None
+    return math.sqrt(statistics.fmean(v * v for v in values))
+
+
 def limits_table(tables, probes, lights):
     """What is left after tuning, and with traced visibility in place of the moments'."""
     results = tables.results
@@ -142,7 +149,7 @@ def limits_table(tables, probes, lights):
         rows = results.of(key, seeds)
 
         def exact(which):
-            return math.sqrt(statistics.fmean(r["exact_visibility"][which] ** 2 for r in rows))
+            return rms([r["exact_visibility"][which] for r in rows])
 
         before = results.nrmse((scene, FROM, probes, lights), seeds)
         after = results.nrmse(key, seeds)
@@ -150,13 +157,6 @@ def limits_table(tables, probes, lights):
         closed = f"{100 * (before - after) / gap:.0f} %" if gap > 0.05 * before else "-"
         table.append([scene, *map(number, (before, exact("from"), after, exact("tuned"))), closed])
     return table if len(table) > 1 else None
-
-
-def rms(values):
-    """None where one is missing, or all."""
-    if not values or None in values:
-        return None
-    return math.sqrt(statistics.fmean(v * v for v in values))
 
 
 def fitted_table(tables, study, rows, probes):
