@@ -160,6 +160,9 @@ def parse(parser, parts, narrowed):
     except KeyError as error:
         default = os.path.relpath(parser.get_default("study"), ROOT)
         parser.error(f"{options.study}: {error} is missing; see {default}")
+    except TypeError as error:
+        default = os.path.relpath(parser.get_default("study"), ROOT)
+        parser.error(f"{options.study}: a value of the wrong kind ({error}); see {default}")
     return options, study
 
 
@@ -183,6 +186,9 @@ def chosen(text, of, what, parser):
 def narrow(study, options, parser):
     """The study without the scenes, seeds and budgets that the options leave out."""
     study = dict(study)
+    for name in ("scenes", "seeds", "probes"):
+        if not isinstance(study[name], list):
+            raise ValueError(f"{name} = {study[name]!r}: a list is needed")
     study["scenes"] = chosen(options.scenes, study["scenes"], "scenes", parser)
     for name in ("seeds", "probes"):
         if text := getattr(options, name):

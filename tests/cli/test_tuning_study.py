@@ -132,6 +132,11 @@ class TuningStudy(CliTest):
         self.write(STUDY.replace("published", "publshed"))
         self.assertIn("'published' is missing; see experiments/studies/tuning.toml",
                       self.study().stderr)
+        for text, word in (
+                (STUDY.replace("seeds = [1]", "seeds = 1", 1), "seeds = 1: a list is needed"),
+                (f"set = 3\n{STUDY}", "a value of the wrong kind")):
+            self.write(text)
+            self.assertIn(word, self.study().stderr)
         self.write(STUDY)
         self.assertEqual(self.study("--report").returncode, 2)
 
