@@ -82,7 +82,7 @@ class PlaceHelp : public CLI::FormatterBase {
 struct Placed {
   Scene scene;
   ProbeLayout layout;
-  std::vector<uint8_t> active;  // [probe]; empty: all
+  std::optional<std::vector<uint8_t>> active;  // [probe], empty: all; none: nobody could say
   Provenance provenance;
   Json report;
   Json search = nullptr;  // of --max-nrmse
@@ -150,7 +150,8 @@ Json searchJson(const BudgetSearch& search, const std::map<int, Trial>& trials, 
     const bool placed = trial != trials.end();
     steps.push_back({{"probes", step.probes},
                      {"stored", placed ? Json(trial->second.layout.positions.size()) : Json()},
-                     {"train_nrmse", optionalNumber(step.error)}});
+                     {"train_nrmse", optionalNumber(step.error)},
+                     {"heldout_nrmse", placed ? optionalNumber(trial->second.heldout) : Json()}});
   }
   const Trial& best = trials.at(search.probes);
   return {{"max_nrmse", wanted},
@@ -210,15 +211,24 @@ Placed placeByError(const PlaceOptions& options, const Params& params,
           searchJson(search, trials, *options.max_nrmse)};
 }
 
-// Classification needs a device; without it all probes are active.
-std::vector<uint8_t> activeProbes(const ProbeLayout& layout, const Params& params,
-                                  const PlacementScene& of, Provenance& provenance,
-                                  const Invocation& invocation) {
-  if (params.classification == 0) return {};
-  GpuContext gpu = openDevice(invocation, provenance);
-  const ProbeField field(gpu, of.scene, of.embree, layout, params,
+// Classification needs a device; without classification all probes are active. None where there is
+// no device and none is `needed`.
+std::optional<std::vector<uint8_t>> activeProbes(const ProbeLayout& layout, const Params& params,
+                                                 const PlacementScene& of, bool needed,
+                                                 Provenance& provenance,
+                                                 const Invocation& invocation) {
+  if (params.classification == 0) return std::vector<uint8_t>{};
+  std::optional<GpuContext> gpu;
+  try {
+    gpu.emplace(openDevice(invocation, provenance));
+  } catch (const DeviceError& error) {
+    if (needed) throw;
+    note(invocation, "active probes are not counted: {}", error.what());
+    return std::nullopt;
+  }
+  const ProbeField field(*gpu, of.scene, of.embree, layout, params,
                          {.seed = invocation.common.seed, .accumulate = false});
-  requireNoValidationMessages(gpu);
+  requireNoValidationMessages(*gpu);
   return field.states().active;
 }
 
@@ -237,9 +247,17 @@ Placed placeBudget(const PlaceOptions& options, const Params& params,
   progress.finish();
   validateLayout(placed.layout, params);
   placed.report = reportJson(placed.layout, of, invocation.common.seed);
-  if (!options.glb.empty())
-    placed.active = activeProbes(placed.layout, params, of, placed.provenance, invocation);
+  const bool needed = !options.glb.empty() || !invocation.common.device.empty();
+  placed.active =
+      activeProbes(placed.layout, params, of, needed, placed.provenance, invocation);
   return placed;
+}
+
+// Null where nobody could say.
+Json activeCount(const Placed& placed) {
+  if (!placed.active) return nullptr;
+  if (placed.active->empty()) return placed.layout.positions.size();
+  return std::count(placed.active->begin(), placed.active->end(), 1);
 }
 
 std::string formatError(const Json& error) {
@@ -247,10 +265,10 @@ std::string formatError(const Json& error) {
 }
 
 std::string formatSearch(const Json& search) {
-  TextTable table({"at most", "stored", "train nrmse"});
+  TextTable table({"at most", "stored", "train nrmse", "held-out nrmse"});
   for (const Json& step : search["steps"])
     table.addRow({step["probes"].dump(), step["stored"].is_null() ? "-" : step["stored"].dump(),
-                  formatError(step["train_nrmse"])});
+                  formatError(step["train_nrmse"]), formatError(step["heldout_nrmse"])});
   return table.text();
 }
 
@@ -322,7 +340,8 @@ void printPlaced(const Json& r) {
   fmt::print("\n{}\n", formatSearch(search));
   fmt::print("{}",
              formatFields({{"wanted", "nrmse <= " + search["max_nrmse"].dump()},
-                           {"found", fmt::format("at most {} probes", search["probes"].dump())},
+                           {search["met"].get<bool>() ? "found" : "the best",
+                             fmt::format("at most {} probes", search["probes"].dump())},
                            {"on train receivers", formatError(search["train_nrmse"])},
                            {"on held-out receivers", formatError(search["heldout_nrmse"])}}));
 }
@@ -345,7 +364,7 @@ void requireError(const Json& search) {
 
 // The result's numbers before there are any.
 Json outlineOf() {
-  return {{"probes", {{"stored", 0}}},
+  return {{"probes", {{"stored", 0}, {"active", 0}}},
           {"layout", layoutJson(ProbeLayout{})},
           {"report", Json::object()},
           {"search", Json::object()},
@@ -387,14 +406,15 @@ void runPlace(const PlaceOptions& options, const Invocation& invocation) {
                                           : placeBudget(options, params, invocation);
   const Scene& scene = placed.scene;
   writeLayout(options.output, placed.layout, scene);
-  if (!options.glb.empty()) writeProbesGlb(options.glb, placed.layout, scene, placed.active);
+  if (!options.glb.empty()) writeProbesGlb(options.glb, placed.layout, scene, *placed.active);
   note(invocation, "wrote {}{}", options.output, options.glb.empty() ? "" : " and " + options.glb);
   Json result = {{"output", options.output},
                  {"glb", options.glb.empty() ? Json(nullptr) : Json(options.glb)},
                  {"scene", scene.name},
                  {"state", placed.provenance.state},
                  {"strategy", placed.layout.strategy},
-                 {"probes", {{"stored", placed.layout.positions.size()}}},
+                 {"probes",
+                  {{"stored", placed.layout.positions.size()}, {"active", activeCount(placed)}}},
                  {"lattice", latticeJson(placed.layout)},
                  {"layout", layoutJson(placed.layout)},
                  {"report", placed.report},

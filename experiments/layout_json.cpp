@@ -33,7 +33,7 @@ Json layoutJson(const ProbeLayout& layout) {
 
 std::string formatLayout(const Json& result) {
   std::string text = result["probes"]["stored"].dump() + " stored";
-  if (result["probes"].contains("active"))
+  if (!result["probes"].value("active", Json()).is_null())
     text += ", " + result["probes"]["active"].dump() + " active";
   text += ", " + result["strategy"].get<std::string>();
   const Json& lattice = result["lattice"];

@@ -70,7 +70,7 @@ ProbeLayout bestLattice(const PlacementInput& input, const LayoutFinish& finish)
 
 const Strategy kGridBestStrategy = {
     "grid_best",
-    "the best of some 40 lattices (boxes, insets, shapes of the cell) on the train receivers",
+    "the best of 20 to 40 lattices (boxes, insets, shapes of the cell) on the train receivers",
     {},
     [](const PlacementInput& input) { return bestLattice(input); }};
 

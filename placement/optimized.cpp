@@ -94,9 +94,9 @@ PlacementInput partOf(const PlacementInput& input, double from, double to) {
   return part;
 }
 
-// The best lattice there is, sparse or not, relocated or not; or a sparse one that nobody has
-// scored. Its evaluations are those of both lattices' searches, whether they ran now or before.
-ProbeLayout startLayout(const PlacementInput& input, bool sparse) {
+// The best lattice there is under all lights or the scene's own, sparse or not, relocated or not; or
+// a sparse one that nobody has scored. Its evaluations are those of both lattices' searches, whether they ran now or before.
+ProbeLayout startLayout(const PlacementInput& input, bool sparse, bool own_only) {
   if (sparse) return bestSparseLattice(input, false);
   const SceneDistance distance(*input.scene.geometry);
   std::vector<ProbeLayout> candidates = {
@@ -108,10 +108,11 @@ ProbeLayout startLayout(const PlacementInput& input, bool sparse) {
   std::size_t best = 0;
   double best_score = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const double score = input.training.score(candidates[i], input.params);
+    const double score = input.training.score(candidates[i], input.params, own_only);
     if (score < best_score) best_score = score, best = i;
   }
   candidates[best].evaluations = evaluations + candidates.size();
+  candidates[best].options = {};  // the other strategy's
   return std::move(candidates[best]);
 }
 
@@ -180,7 +181,7 @@ ProbeLayout placeOptimized(const PlacementInput& input) {
   Training training(input.scene, input.embree, input.reachability,
                     searchSettings(input, options));
   checkLit(input, training.data());
-  const ProbeLayout start = startLayout(input, options.sparse_start);
+  const ProbeLayout start = startLayout(input, options.sparse_start, options.own_only);
   const uint64_t before = input.training.evaluations();
   ProbeLayout layout = searchLayout(input, training.data(), start, options);
   if (options.check && input.training.score(start, input.params, options.own_only) <
@@ -208,7 +209,7 @@ const Strategy kOptimizedStrategy = {
          "kept between moved probes and surfaces, x mean spacing; auto: 0.1, lights=own 0.02"},
         {"pool", "40", "0 .. 1000",
          "candidates, x probes, that the chosen ones should make superfluous"},
-        {"pool_least", "16000", "0 .. 1e6", "as many at least, however few the probes"},
+        {"pool_least", "16000", "0 .. 1000000", "as many at least, however few the probes"},
         {"pool_share", "0.7", "0 .. 1", "their share of the cost; train receivers have the rest"},
         {"fit", "150", "0 .. 10000", "iterations of the fit of weights; 0: as interpolant says"},
         {"stiffness", "0.5", "0 .. 1e6", "pull of the fitted weights towards the interpolant's"},

@@ -450,6 +450,9 @@ ProbeLayout readLayout(const std::filesystem::path& path, const Scene& scene) {
   if (const char* other = on_lattice ? "influence" : "lattice"; root.has(other))
     throwInput("{} does not go with interpolant '{}'", root.path(other), root.text("interpolant"));
   readProbes(root, scene, layout);
+  if (layout.asked > 0 && layout.positions.size() > static_cast<std::size_t>(layout.asked))
+    throwInput("{} is {}, but there are {} probes", root.path("asked"), layout.asked,
+               layout.positions.size());
   if (on_lattice) {
     const Reader reader(root.member("lattice"), root.path("lattice"),
                         {"first", "spacing", "count", "probe_of_point"});

@@ -129,8 +129,9 @@ void collect(uint32_t count, uint64_t seed, ReceiverKind kind, const Scene& scen
     if (i >= (points.size() == before ? kTriesForOne : tries))
       throwInput(
           "{}: no reachable {} for receivers; give a camera inside, or a point of the space "
-          "that counts in [receivers] seeds, or a [volume] that fits it: space is divided into "
-          "cells, and what is smaller than one is not seen",
+          "that counts in [receivers] seeds, or a [volume] that fits it (space is divided into "
+          "cells, and what is smaller than one is not seen); or turn faces whose fronts look into "
+          "the solid",
           scene.path, kind == ReceiverKind::surface ? "surface" : "free space");
     Rng rng(seed, RngStream::receiver_position, static_cast<uint64_t>(kind), i);
     Receiver receiver;

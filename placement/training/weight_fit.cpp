@@ -70,7 +70,9 @@ Problem makeProblem(const Training::Data& data, const JudgedPoints& judged,
     const Vec3f biased = r.position + (r.normal * query.normal_bias - r.view * query.view_bias) *
                                           layout.bias_length_m;
     const Lattice& corners = layout.influence.corners;
-    const VoxelPlace place = voxelAt(corners, pieces, biased);
+    const VoxelPlace place =
+        voxelAt(corners, pieces, lookupPlace(pieces.planes.empty() ? 0 : 1, layout.bias_length_m,
+                                             r.position, r.normal, biased));
     std::vector<std::pair<uint32_t, Term>> found;  // probe and term
     for (std::size_t i = 0; i < 8; ++i) {
       const std::size_t at = pieces.lists.empty()

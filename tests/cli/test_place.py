@@ -107,7 +107,7 @@ class Place(PlaceTest):
 
     def test_the_report_is_printed(self):
         text = self.run_ok("place", "room.toml", "--probes", 27, "-o", "layout.json").stdout
-        for words in ("27 stored, grid of 3 x 3 x 3", "box=free", "clearance", "spacing",
+        for words in ("27 stored, 27 active, grid of 3 x 3 x 3", "box=free", "clearance", "spacing",
                       "by none", "by 8 or more", "built in", "evaluations"):
             self.assertIn(words, text)
 

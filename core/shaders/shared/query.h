@@ -209,9 +209,10 @@ PL_FUNCTION int latticeCell(REAL coordinate, int count) {
 PL_STRUCT QueryCell {
   VEC3 position;
   VEC3 bias;        // of the position, x s_i
-  VEC3 biased;      // position with the biases in the layout's s_i: where the probes are looked up
+  VEC3 biased;      // position with the biases in the layout's s_i
   VEC3 normal;
-  VEC3 coordinate;  // of the biased position on the lattice, clamped to it
+  VEC3 looked_up;   // where the probes are looked up
+  VEC3 coordinate;  // of that place on the lattice, clamped to it
   int x;            // the cell's first corner
   int y;
   int z;
@@ -219,14 +220,24 @@ PL_STRUCT QueryCell {
   OctTaps PL_OF_T ahead_taps;  // of the moments, for parallax
 };
 
-PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, LatticeShape lattice,
-                                            VEC3 position, VEC3 normal, VEC3 view) {
+// The place by which a query finds its probes: the biased point. Where walls divide voxels [ours],
+// the point itself, a thousandth of the layout's s_i off its surface: biases lead through a wall
+// that is nearer than they are long, and what is behind it would answer.
+PL_FUNCTION VEC3 lookupPlace(int walls, REAL bias_length, VEC3 position, VEC3 normal, VEC3 biased) {
+  return walls != 0 ? position + normal * (bias_length * REAL(1e-3)) : biased;
+}
+
+PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, QueryModes modes,
+                                            LatticeShape lattice, VEC3 position, VEC3 normal,
+                                            VEC3 view) {
   QueryCell PL_OF_T cell;
   cell.position = position;
   cell.normal = normal;
   cell.bias = normal * params.normal_bias - view * params.view_bias;
   cell.biased = position + cell.bias * REAL(lattice.bias_length);
-  VEC3 c = (cell.biased - VEC3(lattice.first)) / VEC3(lattice.spacing);
+  cell.looked_up =
+      lookupPlace(modes.walls, REAL(lattice.bias_length), position, normal, cell.biased);
+  VEC3 c = (cell.looked_up - VEC3(lattice.first)) / VEC3(lattice.spacing);
   cell.coordinate = VEC3(clamp(c.x, REAL(0), REAL(lattice.count_x - 1)),
                          clamp(c.y, REAL(0), REAL(lattice.count_y - 1)),
                          clamp(c.z, REAL(0), REAL(lattice.count_z - 1)));
@@ -380,7 +391,7 @@ PL_FIELD_FUNCTION void addCorner(PL_FIELD_PARAM PL_INOUT(QuerySums PL_OF_T) sums
 PL_FIELD_FUNCTION QueryResult PL_OF_T queryLattice(PL_FIELD_PARAM QueryParams PL_OF_T params,
                                                    QueryModes modes, LatticeShape lattice,
                                                    VEC3 position, VEC3 normal, VEC3 view) {
-  QueryCell PL_OF_T cell = makeQueryCell(params, lattice, position, normal, view);
+  QueryCell PL_OF_T cell = makeQueryCell(params, modes, lattice, position, normal, view);
   QuerySums PL_OF_T sums = noSums(VEC3(REAL(0)));
   for (int corner = 0; corner < 8; ++corner)
     addCorner(PL_FIELD_ARG sums, params, modes, lattice, cell, cell.x + (corner & 1),
@@ -401,7 +412,7 @@ PL_FUNCTION REAL weighBytes(VEC4 corners, uint bytes) {
   return dot(corners * roots, roots);
 }
 
-// The voxel of the cell, or its piece on the side of the wall where the biased point is.
+// The voxel of the cell, or its piece on the side of the wall where the point is looked up.
 PL_FIELD_FUNCTION int voxelPiece(PL_FIELD_PARAM QueryModes modes, LatticeShape lattice,
                                  QueryCell PL_OF_T cell) {
   int voxel = (cell.z * (lattice.count_y - 1) + cell.y) * (lattice.count_x - 1) + cell.x;
@@ -409,14 +420,14 @@ PL_FIELD_FUNCTION int voxelPiece(PL_FIELD_PARAM QueryModes modes, LatticeShape l
   int voxels = (lattice.count_x - 1) * (lattice.count_y - 1) * (lattice.count_z - 1);
   int plane = PL_FETCH_PLANE_OF_VOXEL(voxel);
   VEC4 wall = PL_FETCH_PLANE(max(plane, 0));
-  REAL side = dot(VEC3(wall.x, wall.y, wall.z), cell.biased - VEC3(lattice.first)) + wall.w;
+  REAL side = dot(VEC3(wall.x, wall.y, wall.z), cell.looked_up - VEC3(lattice.first)) + wall.w;
   return plane >= 0 && side < REAL(0) ? voxels + plane : voxel;
 }
 
 PL_FIELD_FUNCTION QueryResult PL_OF_T queryScattered(PL_FIELD_PARAM QueryParams PL_OF_T params,
                                                      QueryModes modes, LatticeShape lattice,
                                                      VEC3 position, VEC3 normal, VEC3 view) {
-  QueryCell PL_OF_T cell = makeQueryCell(params, lattice, position, normal, view);
+  QueryCell PL_OF_T cell = makeQueryCell(params, modes, lattice, position, normal, view);
   QuerySums PL_OF_T sums = noSums(VEC3(REAL(0)));
   VEC3 high = cell.coordinate - VEC3(REAL(cell.x), REAL(cell.y), REAL(cell.z));
   VEC3 low = VEC3(REAL(1)) - high;

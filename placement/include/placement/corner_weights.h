@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What probes that lie on no lattice weigh at the corners of a grid of voxels (ddgi/influence.h):
-// three interpolants. None of them looks at light.
+// four interpolants. None of them looks at light.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct CornerSettings {
   int k = 8;               // probes a corner
   bool visibility = true;  // only probes that the corner sees
   double sharpness = 0;  // above 0: maximum-entropy weights (placement/maxent.h), not the kernel's
-  double cutoff = 0.01;  // smaller shares are left out, with maximum entropy
+  double cutoff = 0.05;  // smaller shares are left out, with maximum entropy
 };
 
 // The places that stand for a corner: itself if it is usable, else the usable ones among the

@@ -19,7 +19,7 @@ class SceneDistance;
 // What a lattice's layout becomes before it is scored and returned; empty: itself.
 using LayoutFinish = std::function<ProbeLayout(const ProbeLayout&)>;
 
-// The best of at least 24 lattices by Training::score: every box of likelyBoxes with flat, cubic
+// The best of 20 to 40 lattices by Training::score: every box of likelyBoxes with flat, cubic
 // and tall cells, then other counts in the best box, then the best counts in every box.
 ProbeLayout bestLattice(const PlacementInput& input, const LayoutFinish& finish = {});
 

@@ -185,6 +185,7 @@ TEST_F(LayoutFile, WhatDoesNotFitIsRefusedByName) {
   const Damage damages[] = {
       {"probelab layout 2", "probelab layout 1", "'format'"},
       {"\"asked\": 32", "\"asked\": -1", "'asked'"},
+      {"\"asked\": 32", "\"asked\": 1", "'asked' is 1, but there are"},
       {"\"asked\": 32", "\"asked\": 32.5", "'asked'"},
       {"\"asked\": 32", "\"asked\": \"32\"", "'asked'"},
       {"\"asked\": 32", "\"asked\": 99999999999", "'asked'"},

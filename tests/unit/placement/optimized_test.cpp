@@ -43,6 +43,7 @@ TEST(Optimized, GivesWayToAStartThatOtherLightsSayIsBetter) {
             place.training.score(start, place.params));
   EXPECT_EQ(checked.positions, start.positions);
   EXPECT_EQ(checked.strategy, "optimized");
+  EXPECT_EQ(checked.options.at("coverage"), "1e6");  // its own, not those of the start
   EXPECT_NE(unchecked.positions, start.positions);
 }
 

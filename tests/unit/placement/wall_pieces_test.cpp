@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numbers>
 #include <string>
 #include <tuple>
 
@@ -15,6 +16,7 @@
 #include "base/error.h"
 #include "placement/scattered.h"
 #include "places.h"
+#include "scattered_helpers.h"
 
 namespace probelab::test {
 namespace {
@@ -223,6 +225,33 @@ TEST(WallPieces, WeightsAreContinuousInTheFreeSpace) {
   }
   EXPECT_EQ(lines, 300);
   EXPECT_GT(through_door, 10);
+}
+
+// Probes of the left room are white, those of the right black. A place that faces the wall between
+// them, nearer than its biases are long, answers as its own room does.
+TEST(WallPieces, BiasesLeadThroughNoWall) {
+  for (const float wall_m : {0.0f, 0.05f}) {
+    const float middle = 0.17f;
+    Place place(dividedRooms(wall_m, middle, false));
+    const ProbeLayout layout = layoutOf(place, somePlaces(FreeSpace(place.input(40)), 40), "on");
+    Params params = loadParams("probelab");
+    params.normal_bias = 0.3, params.view_bias = 0.2;
+    FieldSnapshot snapshot = layoutSnapshot(layout, initialStates(layout), params);
+    fillTexels(snapshot, 8);
+    const std::size_t per_probe = snapshot.irradiance.size() / layout.positions.size();
+    for (std::size_t i = 0; i < snapshot.irradiance.size(); ++i)
+      snapshot.irradiance[i] = Vec3f(layout.positions[i / per_probe].x < middle ? 1.0f : 0.0f);
+    Rng rng(9, RngStream::test);
+    for (int i = 0; i < 2000; ++i) {
+      const float side = i % 2 == 0 ? -1.0f : 1.0f;
+      const float off = 0.5f * wall_m + 0.002f + layout.bias_length_m * rng.nextFloat();
+      const float y = 0.02f + 2.96f * rng.nextFloat(), z = 0.02f + 2.96f * rng.nextFloat();
+      const Vec3f to_wall(-side, 0, 0);
+      const QueryPoint point{Vec3f(middle + side * off, y, z), to_wall, -to_wall};
+      const double answer = querySnapshot<double>(snapshot, snapshot.params, point).irradiance.x;
+      ASSERT_NEAR(answer / std::numbers::pi, side < 0 ? 1 : 0, 1e-6) << off << " from the wall";
+    }
+  }
 }
 
 // Every corner of a piece has weights; planes divide one voxel each; the same again is the same.
