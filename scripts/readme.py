@@ -92,13 +92,15 @@ def placement(published):
             if by_lights[0]:
                 rows.append([title, str(probes), by_lights[0][3],
                              *(f"{c[4]} {c[5]}" if c else "-" for c in by_lights)])
-    seeds = {}
+    seeds, own = {}, seeds_by_layout(published / "placement").get("optimized_static", set())
     for r in load_rows(published / "placement"):
         if r["layout"] in LAYOUTS:
             seeds.setdefault(r["probes"], set()).add(r["seed"])
     about = "; ".join(f"seeds {', '.join(map(str, sorted(seeds[n])))} of N = {n}" if len(seeds[n]) > 1
                       else f"one seed of N = {n}"
                       for n in sorted(seeds) if any(row[1] == str(n) for row in rows))
+    if own and own != set().union(*seeds.values()):
+        about += f"; `lights=own`: {seeds_text(own).lower()}"
     about += ". Intervals are over blocks of space or drawn lights"
     several = [len(of) > 1 for of in seeds.values()]
     about += (" and seeds" if all(several) else ", and over seeds where there are several"

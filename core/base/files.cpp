@@ -39,6 +39,13 @@ fs::path targetOf(fs::path path) {
   return path;
 }
 
+// A file that takes the place of a device or a pipe would end it for everybody.
+void refuseSpecialFile(const fs::path& path) {
+  std::error_code ec;
+  if (fs::exists(path, ec) && !fs::is_regular_file(path, ec))
+    throwInput("{}: exists and is no regular file; name another", path.string());
+}
+
 // Without dots, which separate the parts of temporary names.
 std::string hostName() {
   char name[256] = "";
@@ -126,6 +133,7 @@ void writeFileAtomically(const fs::path& wanted,
                          const std::function<void(const fs::path&)>& write) {
   std::error_code ec;
   const fs::path path = targetOf(wanted);
+  refuseSpecialFile(path);
   const fs::path temporary = temporaryPath(path);
   try {
     write(temporary);
@@ -156,6 +164,7 @@ void checkWritable(const fs::path& wanted) {
   const fs::path path = targetOf(wanted);
   std::error_code ec;
   if (fs::is_directory(path, ec)) throwInput("{}: is a folder, name a file", path.string());
+  refuseSpecialFile(path);
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!fs::is_directory(folder, ec))
     throwInput("{}: the folder {} does not exist; create it first", path.string(), folder.string());

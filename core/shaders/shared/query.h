@@ -235,8 +235,12 @@ PL_FUNCTION QueryCell PL_OF_T makeQueryCell(QueryParams PL_OF_T params, QueryMod
   cell.normal = normal;
   cell.bias = normal * params.normal_bias - view * params.view_bias;
   cell.biased = position + cell.bias * REAL(lattice.bias_length);
+#if PL_HAS_SCATTERED
   cell.looked_up =
       lookupPlace(modes.walls, REAL(lattice.bias_length), position, normal, cell.biased);
+#else
+  cell.looked_up = cell.biased;
+#endif
   VEC3 c = (cell.looked_up - VEC3(lattice.first)) / VEC3(lattice.spacing);
   cell.coordinate = VEC3(clamp(c.x, REAL(0), REAL(lattice.count_x - 1)),
                          clamp(c.y, REAL(0), REAL(lattice.count_y - 1)),

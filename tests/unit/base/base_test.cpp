@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Names, hashes, percentiles, parallel loops and whole files.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -184,6 +185,15 @@ TEST_F(Files, NameWhatIsWrongWithAPath) {
   EXPECT_NO_THROW(checkWritable(folder_ / "x"));
   EXPECT_EQ(entries(), 0);
   EXPECT_THROW(writeTextFile(folder_ / "none" / "x", "text"), Error);
+}
+
+// A rename would put a file in the place of /dev/full for all programs.
+TEST_F(Files, NeverReplaceADeviceOrAPipe) {
+  ASSERT_EQ(mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  EXPECT_THROW(checkWritable(folder_ / "pipe"), InputError);
+  EXPECT_THROW(writeTextFile(folder_ / "pipe", "text"), InputError);
+  EXPECT_TRUE(fs::is_fifo(folder_ / "pipe"));
+  EXPECT_EQ(entries(), 1);
 }
 
 }  // namespace

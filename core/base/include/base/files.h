@@ -26,7 +26,7 @@ std::string readTextFile(const std::filesystem::path& path);
 std::string readCsvFile(const std::filesystem::path& path);
 
 // Writes through `write(temporary path)` and renames; a link stays, and its target is written. The
-// folder must exist (checkWritable).
+// folder must exist (checkWritable). Throws InputError where a device or a pipe would be replaced.
 void writeFileAtomically(const std::filesystem::path& path,
                          const std::function<void(const std::filesystem::path&)>& write);
 void writeTextFile(const std::filesystem::path& path, std::string_view text);
