@@ -95,7 +95,8 @@ PlacementInput partOf(const PlacementInput& input, double from, double to) {
 }
 
 // The best lattice there is under all lights or the scene's own, sparse or not, relocated or not; or
-// a sparse one that nobody has scored. Its evaluations are those of both lattices' searches, whether they ran now or before.
+// a sparse one that nobody has scored. Its evaluations are those of both lattices' searches, whether
+// they ran now or before.
 ProbeLayout startLayout(const PlacementInput& input, bool sparse, bool own_only) {
   if (sparse) return bestSparseLattice(input, false);
   const SceneDistance distance(*input.scene.geometry);
